@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -22,6 +23,7 @@ from bringup_arguments import (  # noqa: E402
     instances,
     split,
 )
+from bringup_end import LONGER, _name  # noqa: E402
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
 from bringup_ready import arm, engine  # noqa: E402
 
@@ -375,3 +377,8 @@ def test_friction_is_a_name_or_file(tmp_path: Path) -> None:
         match=r"friction:=dry is not possible; valid: none, coulomb, identified, auto, or the path of a .yaml file",
     ):
         check({"friction": "dry"}, names, CHOICES)
+
+
+@pytest.mark.parametrize("process", ["recorder-7", "cell/recorder-7", "lab/cell-2/recorder-7"])
+def test_a_recorder_has_as_long_to_end_in_any_namespace(process: str) -> None:
+    assert _name(SimpleNamespace(name=process)) in LONGER

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import bringup_arguments as given
+import rosgraph.names
 import roslaunch.parent
 import roslaunch.pmon
 from bringup_end import end_nodes
@@ -190,14 +191,14 @@ def parameter(master: str, name: str) -> object:
 def _take_over_required(config: Any) -> set[str]:
     """Return the names of the nodes that a roslaunch configuration marks as required, and remove these marks.
 
+    The names are those of roslaunch's processes, such as hric/safety/supervisor.
+
     With the mark, roslaunch reports even a normal end of the node as an error.
     """
     required = {node for node in config.nodes if node.required}
     for node in required:
         node.required = False
-    return {
-        node.namespace.strip("/").replace("/", "-") + "-" * (node.namespace != "/") + node.name for node in required
-    }
+    return {rosgraph.names.ns_join(node.namespace, node.name).strip("/") for node in required}
 
 
 def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:

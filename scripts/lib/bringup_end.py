@@ -99,9 +99,9 @@ def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
 
 
 def _name(process: Any) -> str:
-    """Return the node name of a process, which roslaunch names NAMESPACE-NODE-NUMBER."""
+    """Return the node name of a process, which roslaunch names NAMESPACE/NODE-NUMBER."""
     name: str = process.name.rpartition("-")[0]
-    return name.rpartition("-")[2]
+    return name.rpartition("/")[2]
 
 
 def _signal(process: Any, number: int) -> None:

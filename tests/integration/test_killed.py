@@ -36,6 +36,7 @@ KILLED = {
     "robot": (r"/robot ", "failed", r"robot was killed by SIGKILL"),
     "recorder": (r"/recorder ", "interrupted", r"recorder was killed by SIGKILL"),
     "bag_recorder": (r"/bag_recorder ", "failed", r"bag_recorder \(pid \d+\) was killed by SIGKILL"),
+    "namespaced": (r"/robot ", "failed", r"robot was killed by SIGKILL"),
     "master": (r"rosmaster ", "failed", r"the ROS master at http://\S+ does not respond"),
 }
 """Process that is killed, status of the run, and reason in run.yaml."""
@@ -57,7 +58,7 @@ TOGETHER = 2
 def run_killed(name: str, folder: Path) -> LiveSystem:
     """Return an ended bring-up of which a process was killed."""
     words = ("env:=sim", "rviz:=false", "record:=true", "controller:=none", "hand:=false")
-    with closing(LiveSystem(folder, *words)) as system:
+    with closing(LiveSystem(folder, *words, *["ns:=cell"] * (name == "namespaced"))) as system:
         system.wait_output("  ready ")
         send(system, KILLED[name][0], signal.SIGKILL)
         system.wait(ENDS)

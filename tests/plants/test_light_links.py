@@ -71,3 +71,35 @@ def test_a_link_that_nothing_with_mass_follows_is_refused(urdf: str, make_plant)
     with pytest.raises(DescriptionError, match=r"^link [yz]: .*(mass|inertial)") as error:
         make_plant(urdf, NAMES)
     assert "\n" not in str(error.value)
+
+
+ROD = """<inertial><origin xyz="0 0 0.3"/><mass value="1"/>
+  <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="{}"/></inertial>"""
+"""Link whose centre of mass is on the z axis, about which it has the given moment [kg m^2]."""
+
+
+def test_a_thin_rod_on_the_axis_moves_with_its_rotor(make_plant) -> None:
+    plant = make_plant(chain(BODY, BODY, ROD.format(0)), NAMES, [0.0] * 3, rotor_inertia=0.1, gravity=[0.0] * 3)
+    after = [0.0] * 3, [0.0] * 3, [0.0] * 3
+    for _ in range(10):
+        plant.apply([0.0, 0.0, 0.5])
+        plant.step()
+    plant.read_state(*after)
+    assert after[1][2] == pytest.approx(0.05, rel=1e-4)
+
+
+@pytest.mark.parametrize(("moment", "rotor"), [(-0.5, 0.1), (-0.005, 0.0), (0.0, 0.0)])
+def test_a_joint_whose_motion_nothing_resists_is_refused(moment: float, rotor: float, make_plant) -> None:
+    with pytest.raises(DescriptionError, match=r"^joint z: .* inertia about .* kg m\^2") as error:
+        make_plant(chain(BODY, BODY, ROD.format(moment)), NAMES, [0.0] * 3, rotor_inertia=rotor)
+    assert "\n" not in str(error.value)
+
+
+def test_an_impossible_tensor_enters_the_mass_matrix_as_described(make_plant) -> None:
+    plant = make_plant(chain(BODY, BODY, ROD.format(0.1)), NAMES, [0.0] * 3)
+    assert plant.mass_matrix()[2, 2] == pytest.approx(0.1)
+
+
+def test_a_joint_that_is_named_twice_is_refused(make_plant) -> None:
+    with pytest.raises(DescriptionError, match="robot r: joint x is named twice"):
+        make_plant(chain(BODY, BODY, BODY), ["x", "y", "x"])

@@ -78,6 +78,8 @@ def test_a_ball_comes_to_rest_on_a_mesh_with(name: str, make_plant, tmp_path: Pa
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 FLAT = obj(CORNERS, [(1, 2, 3), (1, 3, 4)])
+BOARD = obj(1e3 * CORNERS + np.outer([0, 1, 0, 0], [0, 0, 20]), [(1, 2, 3), (1, 3, 4), (1, 2, 4), (2, 3, 4)])
+"""Mesh of a board that was drawn in mm."""
 BAD = {
     "flat": ("a.obj", FLAT, "", "the mesh is flat; a collision shape must enclose a volume"),
     "nearly flat": ("a.obj", FLAT.replace("v 0 1 0", "v 0 1 1e-8"), "", "the mesh is flat"),
@@ -93,6 +95,15 @@ BAD = {
     ),
     "not of its kind": ("a.stl", "solid\nnonsense", "", "cannot be read as .stl"),
     "of a kind that is not read": ("a.step", "", "", "this kind of file cannot be read; valid: .dae, .obj, .stl"),
+    "a unit of no length": ("a.dae", collada('<unit meter="0"/>'), "", "meter of <unit> must be above 0; got '0'"),
+    "a negative unit": ("a.dae", collada('<unit meter="-1"/>'), "", "meter of <unit> must be above 0; got '-1'"),
+    "a unit that is no number": ("a.dae", collada('<unit meter="mm"/>'), "", "must be above 0; got 'mm'"),
+    "the size of a hall": (
+        "a.obj",
+        BOARD,
+        "",
+        'is 1000 m long; valid: up to 30 m. If it is in mm, use scale="0.001',
+    ),
     "a scale of zero": ("a.obj", FLAT, 'scale="1 0 1"', "a <mesh> of scale 1 0 1; all must be above 0"),
 }
 

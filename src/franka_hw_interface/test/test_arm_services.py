@@ -92,6 +92,7 @@ def test_the_response_to_what_the_arm_refuses_has_its_reason(arm, node, name) ->
     [
         ("set_load", SetLoadRequest(-1.0, [0.0] * 3, [0.0] * 9), "must not be negative"),
         ("set_EE_frame", SetEEFrameRequest([1.0] * 16), "last row"),
+        ("set_EE_frame", SetEEFrameRequest([*POSE[:14], 103.4, 1.0]), "valid: up to 2 m"),  # millimetres
         ("set_K_frame", SetKFrameRequest([float("nan")] * 16), "not finite"),
         ("set_joint_impedance", SetJointImpedanceRequest([-1.0] * 7), "7 finite numbers of 0 or more"),
         ("set_cartesian_impedance", SetCartesianImpedanceRequest([float("inf")] * 6), "6 finite numbers of 0 or more"),

@@ -21,7 +21,7 @@ from hric_human.participant.settings import HumanSettings
 
 MESSAGES = Path(__file__).parents[2] / "hric_msgs" / "msg"
 STORE = get_typestore(Stores.ROS1_NOETIC)
-for _name in ("ControlLog", "JointTorque", "RegionContact", "RegionContacts", "MuscleActivation"):
+for _name in ("ControlLog", "JointTorque", "RegionContact", "RegionContacts", "MuscleActivation", "PersonTracking"):
     STORE.register(get_types_from_msg((MESSAGES / f"{_name}.msg").read_text(), f"hric_msgs/msg/{_name}"))
 STORE.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
 ARM = ("right_sh_flex", "right_sh_abd", "right_sh_rot", "right_el_flex", "right_pro_sup", "right_wr_flex")
@@ -76,7 +76,8 @@ class Bag:
 
     def write(self, topic: str, kind: str, at: float, /, **values: Any) -> None:
         """Write a message; at: time of recording and stamp of its header [s]."""
-        message = made(kind, **({"header": header(at)} if kind.startswith(("hric", "sensor")) else {}), **values)
+        stamped = {"header": header(at)} if kind.startswith(("hric", "sensor")) else {}
+        message = made(kind, **{**stamped, **values})
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(topic, kind, typestore=STORE)
         self._writer.write(self._connections[topic], round(at * 1e9), STORE.serialize_ros1(message, kind))
@@ -107,14 +108,19 @@ def joints(bag: Bag, times: Iterable[float], angles: dict[str, float], torque: b
 
 def upright(bag: Bag, height: float, base: Sequence[tuple[str, str, float]] = ()) -> None:
     """A root link that stands at a height [m]; base: parent, child and distance along x [m] of further frames."""
+    frames(bag, 0.0, ("world", "human_base", 0.0, height), *((*frame, 0.0) for frame in base))
+
+
+def frames(bag: Bag, at: float, *placed_frames: tuple[str, str, float, float], topic: str = "/tf_static") -> None:
+    """Frames in tf; placed_frames: parent, child, and distances along x and z [m]."""
     placed = []
-    for parent, child, x, z in (("world", "human_base", 0.0, height), *((*frame, 0.0) for frame in base)):
+    for parent, child, x, z in placed_frames:
         place = made("geometry_msgs/msg/Vector3", x=x, y=0.0, z=z)
         turn = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
         transform = made("geometry_msgs/msg/Transform", translation=place, rotation=turn)
         kind, about = "geometry_msgs/msg/TransformStamped", {"child_frame_id": child, "transform": transform}
-        placed.append(made(kind, header=header(0.0, parent), **about))
-    bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 0.0, transforms=placed)
+        placed.append(made(kind, header=header(at, parent), **about))
+    bag.write(topic, "tf2_msgs/msg/TFMessage", at, transforms=placed)
 
 
 def contact(
@@ -204,6 +210,9 @@ def approach(
     seen: Callable[[float], bool] = lambda time: True,
     urdf: str = ball_urdf(),
     base: Sequence[tuple[str, str, float]] = (),
+    more: Callable[[Bag], None] = lambda bag: None,
+    parts: str = "right_arm",
+    measured: Callable[[np.ndarray], np.ndarray] = lambda times: times,
 ) -> Known:
     """7. The ball passes a hanging arm at a constant speed. Nearest is where a closed form of point and line has it.
 
@@ -212,15 +221,19 @@ def approach(
         seen: whether the joint states of a time [s] are recorded.
         urdf: description of the robot.
         base: frames from the world to the root of the description, see `upright`.
+        more: writes further messages.
+        parts: parts of the body of which the joints are recorded.
+        measured: function from times to those whose position the log has [s].
     """
     speed, begin = 0.8, -1.6
     times = np.arange(0.0, 4.0005, 0.001)
-    x = begin + speed * times
-    body = describe(HumanSettings.of({"parts": "right_arm"}, "human").person)
+    x = begin + speed * measured(times)
+    body = describe(HumanSettings.of({"parts": parts}, "human").person)
     with Bag(folder / "approach.bag") as bag:
         bag.write("/robot_description", "std_msgs/msg/String", 0.0, data=urdf)
         upright(bag, 1.4, base)
         joints(bag, filter(seen, times[::20]), dict.fromkeys(body.joints, 0.0))
+        more(bag)
         for k in range(0, len(times) - 1, 20):
             part = slice(k, k + 20)
             rows = {"position": x[part] - sum(frame[-1] for frame in base), "velocity": np.full(20, speed)}

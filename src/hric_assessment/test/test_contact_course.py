@@ -31,7 +31,7 @@ def contact(
     made = ContactSeries(time, level, reached, time[first % max(len(time), 1)], since, where, where)
     about: dict[str, Any] = {"regions": ("hand, fingers",), "link": "r_wrist", "other": "panda::panda_hand"}
     about |= {"kind": "penalty", "begin": begin, "duration": duration, "peak": None, "peak_time": None}
-    about |= {"impulse": 1.0, "begin_point": None, "begin_normal": None, "begin_speed": None, "ended": True}
+    about |= {"impulse": None, "begin_point": None, "begin_normal": None, "begin_speed": None, "ended": True}
     return RegionContact(**{**about, "series": replace(made, **(series or {})), **changes})
 
 

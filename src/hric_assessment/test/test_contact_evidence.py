@@ -5,10 +5,11 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from verdict_cases import AREA, HAND, RIGHT, WHOLE, Bag, half_sine, held
+from verdict_cases import AREA, HAND, RIGHT, WHOLE, Bag, Force, half_sine, held
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
@@ -326,6 +327,68 @@ def test_a_held_force_that_is_not_recorded_is_bounded_by_the_stated_peak(tmp_pat
     )
     assert (finding.outcome == Outcome.NOT_ASSESSABLE) == (blow > 140.0)
     assert ("may have been up to 250.0 N then" in finding.reason) == (blow > 140.0)
+
+
+STAIRS = [0.004, 0.014, 0.024]
+"""Times since the begin at which a slow sensor measures [s]."""
+
+
+@pytest.mark.parametrize(
+    ("force", "about", "words"),
+    [
+        (held(0.0), {}, "no force is measured"),
+        (lambda t: half_sine(300.0)(STAIRS[int(100.0 * t)]), {}, "needs 1000 samples per second"),
+        (half_sine(100.0), {"energy": -1.0}, "energy is NaN or negative"),
+        (half_sine(100.0), {"impulse": 3.0}, "impulse of 3 N s needs a larger force than the recorded one"),
+    ],
+    ids=["a sensor that measures nothing", "a sensor of 100 Hz", "a negative energy", "an impulse of a harder blow"],
+)
+def test_a_force_that_contradicts_itself_is_not_assessable(
+    tmp_path: Path, force: Force, about: dict[str, Any], words: str
+) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(force, 1.0, 1.02, **about)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and words in finding.reason
+
+
+def test_a_coarse_sensor_whose_force_changes_slowly_repeats_its_values(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(lambda t: math.floor(half_sine(100.0, 1.0)(t)), 1.0, 2.0)
+
+    assert only(tmp_path, make).outcome == Outcome.WITHIN
+
+
+def test_contacts_of_a_real_person_are_assessed_where_they_are_recorded(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 3.0, torque=False, name="/hric/person")
+        bag.silence(0.0, 1.0)
+        bag.contact(half_sine(200.0), 1.0, 1.02)
+        bag.silence(1.05, 3.0)
+        bag.rows = [(at, topic.replace("human/contacts", "person/contacts"), *rest) for at, topic, *rest in bag.rows]
+
+    assert only(tmp_path, make).outcome == Outcome.WITHIN
+
+
+@pytest.mark.parametrize(
+    ("force", "outcome"),
+    [(139.0, Outcome.WITHIN), (141.0, Outcome.NOT_ASSESSABLE), (math.nan, Outcome.NOT_ASSESSABLE)],
+)
+def test_a_grip_is_harmless_only_below_the_limit_of_a_held_contact(
+    tmp_path: Path, force: float, outcome: Outcome
+) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.silence(0.0, 3.0)
+        for k in range(200):
+            bag.grip(0.5 + 0.01 * k, force)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == outcome
+    assert (f"up to {force:.1f} of 140.0 N" in finding.reason) == (outcome == Outcome.NOT_ASSESSABLE)
 
 
 def test_an_unknown_region_costs_its_own_contact_only(tmp_path: Path) -> None:

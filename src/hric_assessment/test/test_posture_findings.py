@@ -128,6 +128,38 @@ def test_of_a_recording_shorter_than_a_second_the_highest_score_counts() -> None
 # Static and repeated use.
 
 
+@pytest.mark.parametrize(("recorded", "lasts"), [(0.6, 0.9), (0.02, 0.0)], ids=["a third is lost", "one instant"])
+def test_a_recording_shorter_than_a_second_is_within_limits_only_if_all_of_it_is_known(
+    recorded: float, lasts: float
+) -> None:
+    found = findings(person({}, recorded, leaning(0.0)), lasts)
+    assert {one.outcome for one in found.values()} == {Outcome.NOT_ASSESSABLE}
+
+
+@pytest.mark.parametrize(
+    ("lost", "outcomes"),
+    [
+        (("right_el_flex",), {Outcome.WARNING}),
+        (("right_sh_", "right_el_", "right_pro_", "right_wr_"), {Outcome.NOT_ASSESSABLE}),
+    ],
+    ids=["without its elbow", "not at all"],
+)
+def test_an_arm_that_is_not_completely_recorded_is_assessed_nevertheless(
+    lost: tuple[str, ...], outcomes: set[Outcome]
+) -> None:
+    whole = person({"right_sh_flex": 170.0}, root=leaning(0.0))
+    rows = [k for k, name in enumerate(whole.names) if not name.startswith(lost)]
+    found = findings(replace(whole, names=tuple(whole.names[k] for k in rows), q=whole.q[:, rows]))
+    assert {found["RULA right"].outcome} == outcomes
+
+
+@pytest.mark.parametrize(("uncertainty", "outcome"), [(0.0, Outcome.WITHIN), (math.inf, Outcome.NOT_ASSESSABLE)])
+def test_angles_of_unknown_uncertainty_are_never_within_limits(uncertainty: float, outcome: Outcome) -> None:
+    finding = findings(replace(person({}, root=leaning(0.0)), uncertainty=uncertainty))["RULA right"]
+    assert finding.outcome == outcome
+    assert ("the uncertainty of the angles is not known" in finding.reason) == (outcome == Outcome.NOT_ASSESSABLE)
+
+
 def test_a_posture_held_for_two_minutes_scores_one_more_for_muscle_use() -> None:
     held = {"right_sh_flex": 30.0, "left_sh_flex": 30.0, "neck_flex": 15.0}
     short, long = (findings(person(held, seconds, leaning(0.0)))["RULA right"] for seconds in (50.0, 120.0))

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 MESSAGES = Path(__file__).parents[2] / "hric_msgs" / "msg"
 STORE = get_typestore(Stores.ROS1_NOETIC)
-for _name in ("ControlLog", "JointTorque", "RegionContact", "RegionContacts"):
+for _name in ("ControlLog", "JointTorque", "RegionContact", "RegionContacts", "HumanGrip"):
     STORE.register(get_types_from_msg((MESSAGES / f"{_name}.msg").read_text(), f"hric_msgs/msg/{_name}"))
 RIGHT = [f"right_{name}" for name in ("sh_flex", "sh_abd", "sh_rot", "el_flex", "pro_sup", "wr_flex", "wr_dev")]
 TRUNK = [f"{part}_{name}" for part in ("trunk", "neck") for name in ("flex", "bend", "rot")]
@@ -114,6 +114,16 @@ class Bag:
         """Messages of contacts in which nothing touches."""
         for at in np.arange(begin, end, 1.0 / rate):
             self.put(at, "/hric/human/contacts", "hric_msgs/msg/RegionContacts", touching=[], ended=[])
+
+    def grip(self, at: float, force: float) -> None:
+        """A message of a closed grip of a box by the right hand; force: on the hand [N]."""
+        x_y_z = {"x": force, "y": 0.0, "z": 0.0}
+        pull, zero = (STORE.types["geometry_msgs/msg/Vector3"](**axes) for axes in (x_y_z, dict.fromkeys("xyz", 0.0)))
+        wrench = STORE.types["geometry_msgs/msg/Wrench"](force=pull, torque=zero)
+        about = {"name": "right", "held": "box::handle", "holder": "human::r_wrist", "closed": True, "wrench": wrench}
+        about |= {"point": STORE.types["geometry_msgs/msg/Point"](x=0.3, y=0.2, z=1.0)}
+        about |= dict.fromkeys(("stretch", "slipped", "turned"), 0.0)
+        self.put(at, "/hric/human/grip", "hric_msgs/msg/HumanGrip", **about)
 
     def contact(
         self,

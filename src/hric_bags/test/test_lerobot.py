@@ -97,8 +97,28 @@ def test_signals_of_the_person_and_the_wrench_are_on_the_same_grid(dataset: Path
     data = frames(dataset)
     k = data["frame_index"]
     np.testing.assert_allclose(data["observation.human"], np.column_stack([0.02 * k, -0.04 * k]), atol=1e-6)
-    np.testing.assert_allclose(data["observation.wrench"][:, 0], k / 2, atol=1e-4)
+    np.testing.assert_array_equal(data["observation.wrench"][:, 0], k // 2)  # of a sample at or before the frame
     assert (data["observation.wrench"][:, 1:] == [2, 3, 4, 5, 6]).all()
+    notes = json.loads((dataset / "meta/info.json").read_text())["notes"]
+    assert "/hric/human/joint_states as recorded" in notes
+    assert any("the newest sample at or before each frame, at most 0.01 s old" in note for note in notes)
+
+
+def test_no_frame_before_a_step_shows_it(tmp_path: Path) -> None:
+    """Wrench and person jump at 0.5 s; they are sampled at 50 Hz and 40 Hz, and the frames at 100 Hz."""
+    arms, people = [wrench(k) for k in range(50)], [states(5 * k) for k in range(40)]
+    for k, message in enumerate(arms):
+        message.O_F_ext_hat_K = [100.0 * (k >= 25)] * 6
+    for k, message in enumerate(people):
+        message.position = [1.0 * (k >= 20), 0.0]
+    extra = [("/franka_state_controller/franka_states", message, 0.02 * k) for k, message in enumerate(arms)]
+    extra += [("/hric/human/joint_states", message, 0.025 * k) for k, message in enumerate(people)]
+    run = synthetic.write_run(tmp_path, CYCLES, extra=extra)
+    assert main(["export", str(run.path), "--format", "lerobot", "--output", str(tmp_path / "out")]) == 0
+    data = frames(tmp_path / "out" / "lerobot")
+    k = data["frame_index"]
+    np.testing.assert_array_equal(data["observation.wrench"], np.column_stack([100.0 * (k >= 50)] * 6))
+    np.testing.assert_array_equal(data["observation.human"][:, 0], k >= 50)
 
 
 @pytest.mark.parametrize("lost", [range(60, 120), range(100)], ids=["within", "first"])

@@ -12,8 +12,10 @@ from geometry_msgs.msg import Point, PointStamped
 onnx = pytest.importorskip("onnx", reason="scripts/setup --with learning")
 pytest.importorskip("onnxruntime", reason="scripts/setup --with learning")
 
+import panda_description  # noqa: E402
+from hric_controllers.cartesian.workspace import Box  # noqa: E402
 from hric_controllers.policy import network  # noqa: E402
-from hric_controllers.policy.contract import KEY, FieldScale, PolicyContract  # noqa: E402
+from hric_controllers.policy.contract import KEY, FieldScale, PolicyContract, PolicyRobot  # noqa: E402
 from hric_core.errors import HricError  # noqa: E402
 
 NAME, FAR = "policy_controller", [0.3, 0.4, 0.3]
@@ -21,7 +23,16 @@ FIELDS = (
     FieldScale("q", "rad", [0.0] * 7, [1.0] * 7),
     FieldScale("goal_offset", "m", [0.0] * 3, [0.5] * 3),
 )
-CONTRACT = json.loads(PolicyContract(1, FIELDS, 0.04, "end_effector_stream", 0.5, 0.03).text())
+LIMITS = panda_description.joint_limits()
+ROBOT = PolicyRobot(
+    "panda",
+    [f"joint{number}" for number in range(1, 8)],
+    *([getattr(limit, end) for limit in LIMITS.values()] for end in ("lower", "upper")),
+    [0.3075, 0.27015, 0.56283],  # as in the committed policy
+)
+CONTRACT = json.loads(
+    PolicyContract(1, FIELDS, 0.04, "end_effector_stream", 0.5, 0.03, ROBOT, Box([-3.0] * 3, [3.0] * 3)).text()
+)
 
 
 def write(path, bias, weight=None, metadata=CONTRACT, size=10):
@@ -218,6 +229,63 @@ def test_a_file_whose_contract_does_not_fit_is_refused(tmp_path, change, match):
     metadata = None if change is None else CONTRACT | change
     with pytest.raises(HricError, match=match):
         ArmRig(NAME, file=write(tmp_path / "policy.onnx", [0.0] * 3, metadata=metadata))
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "match"),
+    [
+        ("joints", lambda x: x[::-1], "joints of panda in the training: joint7, .*, of panda: joint1, "),
+        (
+            "upper",
+            lambda x: [*x[:5], 4.5169, *x[6:]],
+            "upper of panda in the training: .*, or other_ranges: true",
+        ),
+        ("ee_position", lambda x: [*x[:2], x[2] + 0.01], "ee_position of panda in the training: .* 0.5728, of panda: "),
+    ],
+)
+def test_a_policy_of_another_robot_is_refused(tmp_path, field, change, match):
+    robot = CONTRACT["robot"]
+    metadata = CONTRACT | {"robot": robot | {field: change(robot[field])}}
+    path = write(tmp_path / "other.onnx", [0.0] * 3, metadata=metadata)
+    with pytest.raises(HricError, match=f"other.onnx: the policy is of another robot: {match}"):
+        ArmRig(NAME, file=path)
+    if field == "upper":
+        ArmRig(NAME, file=path, other_ranges=True)
+    else:
+        with pytest.raises(HricError, match="another robot"):
+            ArmRig(NAME, file=path, other_ranges=True)
+
+
+def test_another_end_effector_is_refused_at_the_start(sideways):
+    bench = ArmRig(NAME, file=sideways, start=False)
+    bench.hw.model.set_ee(np.eye(4))
+    with pytest.raises(HricError, match=r"sideways.onnx: the policy is of another robot: ee_position"):
+        bench.manager.switch([NAME], [])
+        bench.run(0.01)
+
+
+def test_joints_in_another_order_are_refused(sideways):
+    with pytest.raises(HricError, match="the policy is of another robot: joints of panda in the training: joint1, "):
+        ArmRig(NAME, file=sideways, joints=[f"panda_joint{number}" for number in range(7, 0, -1)])
+
+
+@pytest.mark.parametrize("missing", ["robot", "goals"])
+def test_a_policy_that_does_not_name_its_robot_is_not_known_to_fit(tmp_path, missing):
+    metadata = {key: value for key, value in CONTRACT.items() if key != missing}
+    with pytest.raises(HricError, match=r"old.onnx: the robot of the policy is not known: .*; valid: .* new training"):
+        ArmRig(NAME, file=write(tmp_path / "old.onnx", [0.0] * 3, metadata=metadata))
+
+
+def test_a_goal_outside_those_of_the_training_is_refused(tmp_path):
+    metadata = CONTRACT | {"goals": {"lower": [0.3, -0.4, 0.2], "upper": [0.6, 0.4, 0.6]}}
+    path = write(tmp_path / "near.onnx", [0.0] * 3, metadata=metadata)
+    with pytest.raises(HricError, match=r"goal is \(0.3, 0.5, 0.3\); valid: a goal of the policy, x 0.3 to 0.6, "):
+        ArmRig(NAME, file=path, goal=[0.3, 0.5, 0.3])
+    bench = ArmRig(NAME, file=path).run(0.01)
+    bench.node.raises = True
+    message = PointStamped(point=Point(0.3, 0.5, 0.3))
+    with pytest.raises(HricError, match=r"refused; valid: .*y -0.4 to 0.4, .*goals of the policy"):
+        bench.publish("goal", message)
 
 
 def test_what_is_no_policy_is_refused(tmp_path, sideways, monkeypatch):

@@ -68,6 +68,12 @@ def test_a_package_outside_the_workspace_adds_a_command(toys: Path, capsys: pyte
     assert first == "0.999 hric toy 1 -- -1e-3" and any(line.split()[:1] == ["toy"] for line in others)
 
 
+def test_the_version_is_that_of_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    version = (PROGRAM.parents[1] / "package.xml").read_text().split("<version>")[1].split("<")[0]
+    assert capsys.readouterr().out == f"hric {version}\n"
+
+
 def test_a_command_of_two_words_goes_before_one_of_its_first(toys: Path) -> None:
     assert perform(["toy", "box"]) == 3
 

@@ -1,6 +1,7 @@
 """c3d files as laboratories write them: gaps, odd force plates and rates, units, byte orders, other alphabets."""
 
 import logging
+import math
 import struct
 from pathlib import Path
 from typing import Any
@@ -174,6 +175,43 @@ def test_an_unknown_unit_names_the_valid_ones(tmp_path: Path) -> None:
     path = c3d_files.write(tmp_path / "a.c3d", Lab(MARKERS, parameters={("POINT", "UNITS"): "inch"}))
     with pytest.raises(ParameterError, match="points in 'inch'; valid: mm, cm, dm, m, millimetres"):
         read_trial(path)
+
+
+def with_words(path: Path, words: dict[int, bytes]) -> Path:
+    """Replace bytes of a file by their positions."""
+    content = bytearray(path.read_bytes())
+    for at, data in words.items():
+        content[at : at + len(data)] = data
+    path.write_bytes(content)
+    return path
+
+
+def test_frames_that_the_header_does_not_state_are_read_if_a_parameter_states_them(tmp_path: Path) -> None:
+    path = c3d_files.write(tmp_path / "long.c3d", Lab(MARKERS))
+    assert len(read_trial(with_words(path, {8: struct.pack("<H", 7)})).positions) == FRAMES
+
+
+def test_frames_that_nothing_states_are_told(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    content = path.read_bytes()
+    frames = struct.pack("<H", FRAMES)
+    at = content.index(b"FRAMES") + len("FRAMES") + 4
+    assert content[at : at + 2] == frames
+    left_out = read_trial(with_words(path, {8: struct.pack("<H", 7), at: struct.pack("<H", 7)})).left_out
+    assert any("bytes after the 7 frames that its header states" in sentence for sentence in left_out)
+
+
+@pytest.mark.parametrize("rate", [-100.0, 1e6, math.nan])
+def test_a_rate_that_no_camera_has_is_refused(tmp_path: Path, rate: float) -> None:
+    path = c3d_files.write(tmp_path / "rate.c3d", Lab(MARKERS))
+    path.write_bytes(path.read_bytes().replace(struct.pack("<f", RATE), struct.pack("<f", rate)))
+    with pytest.raises(ParameterError, match=r"has 20 frames at .* Hz; valid: above 0, up to 10000"):
+        read_trial(path)
+
+
+def test_an_axis_that_points_down_does_not_state_which_points_up(tmp_path: Path) -> None:
+    path = changed(c3d_files.write(tmp_path / "down.c3d", Lab(MARKERS)), "POINT", Y_SCREEN=["-Z"])
+    assert not read_trial(path).up_known
 
 
 @pytest.mark.parametrize("processor", [byte_orders.DEC, byte_orders.SGI])

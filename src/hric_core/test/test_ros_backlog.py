@@ -1,15 +1,16 @@
-"""The server of a rospy node: it takes the connections of a recorder that wants all of its topics at once, and ends
-quietly."""
+"""The server of a rospy node: it takes the connections of a recorder that wants all of its topics at once, is not held
+up by peers that send no header, and ends quietly."""
 
 import socket
 import struct
 import subprocess
 import sys
+from contextlib import ExitStack, suppress
 
 import pytest
 from rospy.impl import tcpros_base
 
-from hric_core.ros import process as ros_backlog
+from hric_core.ros import inbound
 
 pytestmark = pytest.mark.alone
 
@@ -19,10 +20,10 @@ LONGEST_QUEUE = 28
 
 @pytest.mark.rostest
 def test_more_connections_may_wait_than_rospy_lets(ros: str) -> None:
-    ros_backlog.widen()
+    inbound.widen()
     listening = tcpros_base._tcpros_server.tcp_ros_server.server_sock
     (longest,) = struct.unpack_from("I", listening.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104), LONGEST_QUEUE)
-    assert longest == ros_backlog.BACKLOG
+    assert longest == inbound.BACKLOG
 
 
 def test_a_node_that_ends_before_its_server_has_run_says_nothing() -> None:
@@ -35,3 +36,37 @@ def test_a_node_that_ends_before_its_server_has_run_says_nothing() -> None:
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert ended.stderr == ""
+
+
+def server_of_a_node() -> socket.socket:
+    inbound.widen()
+    return socket.create_connection(tcpros_base._tcpros_server.tcp_ros_server.server_sock.getsockname(), 5.0)
+
+
+def is_served(connection: socket.socket) -> bool:
+    """Return True if a subscriber of a topic that the node does not publish gets an answer."""
+    fields = [b"callerid=/test", b"topic=/nothing", b"md5sum=*", b"type=*"]
+    header = b"".join(struct.pack("<I", len(field)) + field for field in fields)
+    connection.sendall(struct.pack("<I", len(header)))
+    connection.sendall(header)
+    return b"error=" in connection.recv(4096)
+
+
+@pytest.mark.rostest
+def test_peers_that_send_no_header_keep_nobody_out(ros: str) -> None:
+    with ExitStack() as stack:
+        for number in range(3 * inbound.MAX_WAITING):
+            silent = stack.enter_context(server_of_a_node())
+            silent.sendall(bytes(number % 4))
+        with server_of_a_node() as client:
+            assert is_served(client)
+
+
+@pytest.mark.rostest
+@pytest.mark.parametrize("begin", [b"GET / HTTP/1.1\r\n", b"\xff" * 8, b""])
+def test_a_peer_without_a_valid_header_is_disconnected(ros: str, begin: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inbound, "HEADER_TIME", 0.2)
+    with server_of_a_node() as peer:
+        peer.sendall(begin)
+        with suppress(ConnectionResetError):
+            assert peer.recv(64) == b""

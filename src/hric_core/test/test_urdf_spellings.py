@@ -98,6 +98,10 @@ REFUSED = {
         PLAIN.replace("<robot ", "<u:robot ").replace("</robot", "</u:robot"),
         "starts with <u:robot>",
     ),
+    "xacro that is not expanded": (
+        PLAIN.replace("<axis", '<xacro:if value="true"/><axis'),
+        "contains <xacro:if>; expand it with xacro first",
+    ),
     "entity that is not declared": (PLAIN.replace("0.5", "&h;"), "not XML: undefined entity"),
 }
 

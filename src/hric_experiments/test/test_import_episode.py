@@ -321,3 +321,18 @@ def test_an_episode_is_replayed_by_one_of_two_arms(tmp_path: Path, capsys: pytes
     record, _ = replayed(path, tmp_path / "runs", *arms)
     moved = np.ptp(record.log.position, axis=0)
     assert moved[:7].min() > 0.1 and moved[7:].max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("robot", "said"),
+    [("Franka", ""), ("xarm7", "robot_type of data is 'xarm7'"), (None, "robot_type of data is not known")],
+)
+def test_another_robot_than_the_panda_is_named(
+    tmp_path: Path, robot: str | None, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.1), JOINTS)
+    path = dataset / "meta/info.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"robot_type": robot}))
+    imported(dataset)
+    shown = capsys.readouterr().out
+    assert said in shown and ("robot_type" in shown) is bool(said)

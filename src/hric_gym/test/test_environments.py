@@ -91,6 +91,8 @@ def test_two_agents_act_only_in_an_episode_and_together() -> None:
     env.reset(seed=1)
     with pytest.raises(HricError, match="no action of person; valid: one of each agent, robot, person"):
         env.step({"robot": actions["robot"]})
+    with pytest.raises(HricError, match="no action of person; valid: one of each agent, robot, person"):
+        env.step({"robot": actions["robot"], "person": None})
     while env.agents:
         env.step(actions)
     with pytest.raises(HricError, match="no episode is running"):
@@ -260,7 +262,7 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"changes": ["human.rate:=1"]}, "'human.rate:=1' is not possible; valid: 25 Hz"),
         ({"changes": ["human.subject:=P50_male"], "population": "adult_female"}, "not possible; valid: no population"),
         ({"person": "none", "changes": ["human.mass:=50"]}, "valid: keys of parameters, robot"),
-        ({"changes": ["parameters.force_controller.force:=[0, 0, 5]"]}, "not one of .* joint_pd_controller"),
+        ({"changes": ["parameters.force_controller.force:=[0, 0, 5]"]}, "not one of joint_pd_controller"),
         (
             {
                 "action": "impedance",

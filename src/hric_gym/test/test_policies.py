@@ -20,6 +20,7 @@ pytest.importorskip("onnxruntime", reason="scripts/setup --with learning")
 from stable_baselines3 import SAC
 from stable_baselines3.common.save_util import load_from_pkl
 
+from hric_controllers.cartesian.workspace import Box
 from hric_controllers.policy.network import PolicyNetwork
 from hric_gym.evaluation import POLICY, REFLEX, SCRIPTED, EpisodeResult, ScriptedReach, passed, played, table
 from hric_gym.policy_env import TOLERATED, contract, environment, force_excess
@@ -126,7 +127,7 @@ def test_a_training_has_no_seed_of_the_episodes_of_an_evaluation(tmp_path: Path)
         perform(["train", "Reach", "--output", str(tmp_path / "policy.onnx"), "--seed", "1000000"])
 
 
-def test_a_policy_is_evaluated_with_its_own_period_and_with_no_other_speed() -> None:
+def test_a_policy_is_evaluated_with_its_own_period_and_with_no_other_speed_goals_or_robot() -> None:
     policy = replace(agreed(), period=0.1)
     env = environment(policy)
     assert env.unwrapped.period == 0.1
@@ -134,6 +135,9 @@ def test_a_policy_is_evaluated_with_its_own_period_and_with_no_other_speed() -> 
     for change, message in (
         ({"action_scale": 0.1}, "action_scale .* 0.1 m/s; .*: 0.7 m/s"),
         ({"near": 0.05}, "0.03 m"),
+        ({"goals": Box([0.3, -0.3, 0.2], [0.6, 0.3, 0.6])}, "valid in hric_gym: x 0.35 to 0.6, "),
+        ({"robot": replace(policy.robot, ee_position=[0.3, 0.27, 0.46])}, "the policy is of another robot: ee_pos"),
+        ({"robot": None}, "the robot of the policy is not known"),
     ):
         with pytest.raises(HricError, match=message):
             environment(replace(policy, **change))

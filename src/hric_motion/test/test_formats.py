@@ -133,6 +133,24 @@ def test_times_that_contradict_the_stated_rate_are_refused(tmp_path: Path, old: 
         read(file)
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Export Frame Rate", "Total Exported Frames,999,Export Frame Rate"),
+        ("\tUnits\n60\t60\tm\n", "\tUnits\tNumFrames\n60\t60\tm\t999\n"),
+    ],
+    ids=["Motive", "trc"],
+)
+def test_frames_that_the_head_states_and_the_file_lacks_are_told(tmp_path: Path, old: str, new: str) -> None:
+    if "Export" in old:
+        file = write_motive(tmp_path / "a.csv", {"A": points("motive_skeleton")})
+    else:
+        file = write_trc(tmp_path / "a.trc", points("opencap"))
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    assert read(file).left_out == ("939 of the 999 frames stated in the header: the file does not contain them",)
+
+
 def test_a_session_with_a_wrong_mass_is_refused(tmp_path: Path) -> None:
     file = write_trc(tmp_path / "MarkerData" / "walk.trc", {"Hip": np.ones((FRAMES, 3))})
     (tmp_path / "sessionMetadata.yaml").write_text("mass_kg: 7000\n")

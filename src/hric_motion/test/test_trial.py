@@ -123,3 +123,13 @@ def test_a_trc_file_with_z_up_is_refused(tmp_path: Path) -> None:
 def test_a_file_of_another_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"valid: a \.c3d, \.xdf, \.trc, \.csv or \.mvnx file"):
         trial_motion(tmp_path / "walk.txt")
+
+
+def test_a_marker_that_no_body_can_have_is_left_out_and_named(tmp_path: Path) -> None:
+    columns = {LABELS[name]: markers(0.2)[:, k] for k, name in enumerate(NAMES)}
+    label = LABELS["LFIN"] if "LFIN" in LABELS else next(iter(columns))
+    columns[label] = columns[label].copy()
+    columns[label][40] += 50.0
+    result = trial_motion(write(tmp_path / "stray.c3d", columns))
+    assert any(f"{label} in 1 of {FRAMES} frames" in note for note in result.notes)
+    assert np.nanmax(result.motion.residual) < 0.02

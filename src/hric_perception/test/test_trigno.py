@@ -17,7 +17,7 @@ from hric_perception.emulation import Emulator, EvenSensor, Faults
 from hric_perception.stream import ERROR, OK, SampleStream, StreamHealth
 from hric_perception.trigno import client, protocol
 from hric_perception.trigno.client import TrignoClient, TrignoSettings
-from hric_perception.trigno.server import TrignoServer
+from hric_perception.trigno.server import MAX_CLIENTS, TrignoServer
 
 pytestmark = pytest.mark.alone
 
@@ -246,3 +246,51 @@ def test_random_bytes_in_random_pieces_are_as_many_samples_as_fit_and_none_twice
             at += size
         whole = np.frombuffer(sent[: len(sent) // protocol.SAMPLE_SIZE * protocol.SAMPLE_SIZE], "<f4").astype(float)
         assert np.array_equal(np.concatenate([*decoded, np.empty((0, 16))]).ravel(), whole, equal_nan=True)
+
+
+def started(server: TrignoServer) -> tuple[socket.socket, socket.socket]:
+    """Return the command and data connections of a client that has started the samples."""
+    command = socket.create_connection(("127.0.0.1", server.command_port), 5.0)
+    data = socket.create_connection(("127.0.0.1", server.data_port), 5.0)
+    command.sendall(b"START" + protocol.END)
+    wait(lambda: server._listeners and b"OK" in command.recv(4096))
+    return command, data
+
+
+def test_a_connection_that_comes_and_goes_stops_no_samples(server: TrignoServer) -> None:
+    command, data = started(server)
+    with socket.create_connection(("127.0.0.1", server.command_port), 5.0) as passer:
+        assert passer.recv(4096)
+    wait(lambda: len(server._clients) == 1)
+    server.push(np.zeros(0), np.zeros((270, 2)))
+    assert data.recv(64)
+    command.close()
+    wait(lambda: not server._clients)
+    assert server._starter is None
+
+
+def test_a_client_that_reads_nothing_delays_nobody_and_is_closed(
+    server: TrignoServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    command, data = started(server)
+    samples, slowest = np.zeros((27 * 400, 2)), 0.0
+    for _ in range(100):
+        begin = time.monotonic()
+        server.push(np.zeros(0), samples)
+        slowest = max(slowest, time.monotonic() - begin)
+    assert slowest < 0.5 and not server._listeners
+    assert "reads its samples too slowly" in caplog.text
+    command.close(), data.close()
+
+
+def test_a_crowd_and_an_endless_command_cost_a_bounded_number_of_threads_and_bytes(server: TrignoServer) -> None:
+    before, address = threading.active_count(), ("127.0.0.1", server.command_port)
+    with contextlib.ExitStack() as stack:
+        for _ in range(100):
+            stack.enter_context(socket.create_connection(address, 5.0))
+        wait(lambda: len(server._clients) == MAX_CLIENTS)
+        assert threading.active_count() - before <= MAX_CLIENTS
+    wait(lambda: not server._clients)
+    with socket.create_connection(address, 5.0) as endless, pytest.raises(OSError):
+        for _ in range(1000):
+            endless.sendall(bytes(1 << 16))

@@ -267,6 +267,22 @@ def test_a_plate_presses_the_link_back_where_it_lies() -> None:
     assert_allclose(load.torque + np.cross(load.point - pressed, load.force), 0.0, atol=1e-12)
 
 
+def test_a_stray_marker_is_left_out_and_lost_markers_are_told(
+    run: Path, c3d: Path, recorded: MuscleLoadResult, tmp_path: Path
+) -> None:
+    file = ezc3d.c3d(str(c3d))
+    points, labels = file["data"]["points"], file["parameters"]["POINT"]["LABELS"]["value"]
+    stray, lost = ([label[-4:] for label in labels].index(name) for name in ("RELB", "RFRM"))
+    points[0, stray, 60], points[:3, lost, 100:150] = 5e4, np.nan
+    del file["data"]["meta_points"]
+    file.write(str(tmp_path / "stray.c3d"))
+    found = muscle_load.of_c3d(tmp_path / "stray.c3d", muscle_load.described_by(str(run)))
+    notes = "; ".join(found.notes)
+    assert "RELB in 1 of " in notes
+    assert "NOT KNOWN: the motion is interpolated where markers are lost; longest gaps: RFRM 0.42 s" in notes
+    assert rms(found.load, recorded.load) < 0.01
+
+
 def test_markers_elsewhere_are_refused(run: Path, c3d: Path, tmp_path: Path) -> None:
     file = ezc3d.c3d(str(c3d))
     file["data"]["points"][0] += 1000.0

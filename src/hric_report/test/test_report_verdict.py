@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import laboratory_files
 import pytest
 from browser import Browser, installed
 
@@ -74,7 +75,7 @@ MADE: dict[str, Any] = {
         conclusion("effort", "no limit", value=31.0),
         conclusion("task", "yes"),
     ],
-    "input": {"name": "a", "kind": "run", "experiment": None, "begin": 0.0, "end": 2.0},
+    "input": {"name": "a", "kind": "run", "experiment": None, "begin": 0.0, "end": 2.0, "notes": []},
     "limits": {"title": "ISO/TS 15066", "edition": "2016"},
     "person": None,
     "assumptions": ["a body of the middle"],
@@ -320,6 +321,14 @@ def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
 
 def settings_body(run: RunFolder) -> Body:
     return describe(HumanSettings.of(run.read()["definition"]["human"], "human").person)
+
+
+def test_a_trc_file_gets_a_page_with_what_it_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = laboratory_files.write_trc(tmp_path / "short.trc", laboratory_files.points("opencap"))
+    file.write_text(file.read_text().replace("Units\n60\t60\tm", "Units\tNumFrames\n60\t60\tm\t61"))
+    assert main(["report", str(file), "--html"]) == 0
+    note = "left out of short.trc: 1 of the 61 frames stated in the header: the file does not contain them"
+    assert f"note: {note}" in capsys.readouterr().out and note in (tmp_path / "short_report.html").read_text()
 
 
 def test_a_bag_that_is_not_there_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

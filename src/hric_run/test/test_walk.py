@@ -71,3 +71,17 @@ def test_on_each_engine_the_person_is_where_their_way_has_them(engine):
     off = [np.hypot(x - p[0], y - p[1]) for (t, x, y), p in ((row, one.path.at(row[0] - begin)[0]) for row in rows)]
     assert max(off) < 0.01 and off[-1] < 2e-3
     assert all(b[0] > a[0] for a, b in itertools.pairwise(rows))
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet", "opensim"])
+def test_a_walking_person_is_observed_on_their_way(engine):
+    changes = {"human.walk": {"points": POINTS}, "human.position": [2.5, 0.0], "human.control": {}}
+    with Simulation("contact", simulator=engine, setpoints=[], **changes) as simulation:
+        start = simulation.observe()
+        simulation.run(1.5)
+        state = simulation.observe()
+    way = np.subtract(POINTS[-1][1:], POINTS[0][1:])
+    np.testing.assert_allclose((state.person.T_world_root - start.person.T_world_root)[:2, 3], way, atol=0.01)
+    moved = state.person.capsules.ends - start.person.capsules.ends
+    assert np.abs(moved[..., :2] - way).max() < 0.1  # the arms swing a little
+    assert state.separation < start.separation - 0.2

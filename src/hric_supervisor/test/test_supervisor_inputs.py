@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from hric_core.geometry import Pose
 from hric_core.local.node import LocalNode
 from hric_core.robot_time import stamps
-from hric_motion.tracking import LOST, MEASURED, PersonEstimate
+from hric_motion.tracking import BRIDGED, LOST, MEASURED, PersonEstimate
 from hric_msgs.msg import MocapData, PersonTracking, RigidBodyState
 from hric_perception.person.frames import BodyMessages
 from hric_perception.person.settings import PersonSettings
@@ -39,7 +39,7 @@ class Tracking:
 
     def __init__(self):
         self.node, self.came = node, _ = LocalNode({}), 0
-        self.input = TrackedInput(node, "", None, "person", FRAME)
+        self.input = TrackedInput(node, "", None, "person", FRAME, 0.05)
         self.input.came = self._on_came
         self.joints = node.advertise(PERSON_JOINTS, JointState)
         self.tracking = node.advertise(PERSON_TRACKING, PersonTracking)
@@ -48,9 +48,9 @@ class Tracking:
     def _on_came(self):
         self.came += 1
 
-    def publish(self, time, q, lost=(), root_state=MEASURED, turned=False):
+    def publish(self, time, q, lost=(), root_state=MEASURED, turned=False, residual=0.001):
         states = [LOST if name in lost else MEASURED for name in BODY.joints]
-        one = PersonEstimate(time, ROOT, q.tolist(), [0.0] * len(q), root_state, states, 0.001, ())
+        one = PersonEstimate(time, ROOT, q.tolist(), [0.0] * len(q), root_state, states, residual, ())
         head = Header(stamp=stamps.to_time(time), frame_id=FRAME)
         pairs = [
             (self.joints, self.messages.joint_states(head, one)),
@@ -79,6 +79,22 @@ def test_who_is_lost_in_part_is_not_known_and_so_becomes_stale(lost):
     assert tracking.input.take().stamp == 0.5 and tracking.came == 1
     tracking.publish(0.7, q)
     assert tracking.input.take().stamp == 0.7
+
+
+@pytest.mark.parametrize(
+    ("residual", "state", "fault"),
+    [
+        (0.05, MEASURED, ""),
+        (0.06, MEASURED, "has markers 0.060 m away from those of the body; valid: up to person_uncertainty, 0.05 m"),
+        (np.nan, MEASURED, "has markers nan m away"),
+        (np.nan, BRIDGED, ""),
+    ],
+)
+def test_a_body_that_does_not_fit_the_markers_is_a_fault(residual, state, fault):
+    tracking = Tracking()
+    tracking.publish(0.5, np.zeros(len(BODY.joints)), residual=residual, root_state=state)
+    found = tracking.input.take().fault
+    assert found.startswith(fault) and bool(found) == bool(fault)
 
 
 def test_messages_are_paired_by_their_stamps_however_late_one_topic_is():

@@ -1,5 +1,6 @@
 """Faults between client and server on real sockets are overcome or reported within two seconds; stamps are right."""
 
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -170,3 +171,22 @@ def test_each_stamp_is_that_of_its_exposure_in_spite_of_drift_and_latency(second
     assert len(errors) > 0.5 * 240 * seconds
     assert np.median(np.abs(errors)) <= 0.1e-3
     assert np.abs(errors).max() <= 1e-3
+
+
+FLOOD = """import socket, sys
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+    while True:
+        out.sendto(bytes((4, 0, 0, 0)), ("127.0.0.1", int(sys.argv[1])))"""
+"""Program that sends requests without end."""
+
+
+def test_a_flood_of_requests_stops_no_stream() -> None:
+    settings = ServerSettings(command_port=free_port(), data_port=free_port())
+    scene = ServedScene((SceneBody("marker", SinusoidSource()),))
+    with MotiveServer(Motive(settings, scene)) as server, ExitStack() as stack:
+        for _ in range(2):
+            stack.callback(subprocess.Popen([sys.executable, "-c", FLOOD, str(settings.command_port)]).kill)
+        time.sleep(1.0)
+        before = server.sent
+        time.sleep(2.0)
+        assert server.sent - before > 100

@@ -11,7 +11,7 @@ from mocap_natnet.codec import Codec, packets
 from mocap_natnet.codec.packets import Connect, NatNetMessage, packet, split
 from mocap_natnet.codec.types import EDIT_MODE, RECORDING, VERSION_CHANGED
 from mocap_natnet.server import Motive, MotiveSettings, SceneBody, ServedScene, SinusoidSource
-from mocap_natnet.server.motive import Address
+from mocap_natnet.server.motive import MAX_CLIENTS, Address
 
 sys.path.insert(0, str(Path(__file__).parent))
 from natnet_link import one_body
@@ -149,3 +149,10 @@ def test_a_wrong_argument_ends_the_command_with_one_line(
 def test_an_address_of_another_machine_is_a_failure_of_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["emulated_motive", "--clock", "wall", "--ip", "203.0.113.7"]) == 1
     assert "cannot listen on 203.0.113.7" in capsys.readouterr().err
+
+
+def test_a_crowd_of_clients_gets_a_bounded_number_of_frames() -> None:
+    motive = one_body(transport="unicast")
+    for port in range(1, 1000):
+        motive.respond(packet(NatNetMessage.CONNECT), ("10.0.0.2", port), 0.0)
+    assert len(motive.stream(motive.frame(0), 0.0)) == MAX_CLIENTS

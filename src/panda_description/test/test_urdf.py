@@ -3,6 +3,7 @@
 import logging
 import shutil
 import subprocess
+import sys
 import time
 from math import pi
 from pathlib import Path
@@ -16,7 +17,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import panda_description
-from hric_core.errors import ParameterError, UnknownNameError
+from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
 from hric_core.geometry import steiner_term
 from hric_core.urdf import read
 from panda_description import parameters
@@ -302,3 +303,72 @@ def test_loading_takes_less_than_a_second_of_computing() -> None:
     begin = time.process_time()
     panda_description.load()
     assert time.process_time() - begin < 1.0
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "hric/descriptions"
+
+
+def load_in_a_new_process(where: str = "pass") -> tuple[str, bool]:
+    """URDF that a new process loads, and True if that process expanded it by xacro."""
+    code = f"import sys, panda_description as p; {where}; print(p.load(meshes=False), 'xacro' in sys.modules, sep='#')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    text, expanded = done.stdout.split("#")
+    return text, expanded.strip() == "True"
+
+
+def test_a_description_is_expanded_once_and_by_all_later_processes_read(own_cache: Path) -> None:
+    expected = panda_description.load(meshes=False)
+    assert load_in_a_new_process() == (expected, True)
+    assert load_in_a_new_process() == (expected, False)
+
+
+def test_a_damaged_cached_description_is_replaced(own_cache: Path) -> None:
+    expected, _ = load_in_a_new_process()
+    (cached,) = own_cache.iterdir()
+    cached.write_text(expected[: len(expected) // 2])
+    assert load_in_a_new_process() == (expected, True)
+    assert [path.read_text() for path in own_cache.iterdir()] == [expected]
+
+
+@pytest.mark.parametrize("changed", ["urdf/panda_arm.xacro", "config/joint_limits.yaml"])
+def test_a_description_is_expanded_again_after_a_change_of_its_files(
+    changed: str, own_cache: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(parameters.share(), tmp_path / "copy")
+    copy = str(tmp_path / "copy")
+    moved = f"import pathlib; p.description.share = lambda: pathlib.Path({copy!r})"
+    before, _ = load_in_a_new_process(moved)
+    path = tmp_path / "copy" / changed
+    path.write_text(path.read_text().replace("2.8973", "2.5", 1).replace("0.333", "0.35", 1))
+    after, expanded = load_in_a_new_process(moved)
+    assert expanded and after != before
+
+
+def test_a_description_does_not_need_a_cache(own_cache: Path) -> None:
+    own_cache.parent.write_text("not a folder")
+    assert load_in_a_new_process() == load_in_a_new_process() == (panda_description.load(meshes=False), True)
+
+
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            XACRO.format('<xacro:include filename="a.xacro"/>').encode(),
+            "a file includes itself or a macro",
+        ),
+        (XACRO.format('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>').encode(), ".*a macro calls itself"),
+        (XACRO.format('<link name="Prüfling"/>').encode("latin-1"), "'utf-8' codec can't decode"),
+        (XACRO.format('<xacro:arg name="q"/>').encode(), "xacro:arg: missing attribute 'default'"),
+    ],
+)
+def test_a_xacro_file_that_cannot_be_expanded_is_one_error(tmp_path: Path, content: bytes, message: str) -> None:
+    (tmp_path / "a.xacro").write_bytes(content)
+    with pytest.raises(DescriptionError, match=f"a.xacro: {message}") as error:
+        panda_description.load_file(str(tmp_path / "a.xacro"))
+    assert "\n" not in str(error.value)

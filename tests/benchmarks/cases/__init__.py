@@ -91,25 +91,29 @@ def _humans() -> dict[str, Case]:
 
 
 def _environments() -> dict[str, Case]:
-    """Return the cases of a learning environment on MuJoCo: a millisecond of its steps, and a reset in place."""
+    """Return the cases of the learning environment: a millisecond of its steps, and the begin of an episode."""
+    alone, joints = {"person": "none"}, {"action": "joint_velocity"}
+    persons = {
+        "arm": (alone, "the arm alone"),
+        "person": ({"drive": "torque"}, "a person by torque"),
+        "muscles": ({"drive": "muscle"}, "a person by muscles"),
+    }
+    steps = {
+        "joints": (joints | alone, "the arm by joint velocities"),
+        "targets": ({"action": "joint_position"} | alone, "the arm by joint positions"),
+        "cartesian": ({"action": "end_effector"} | alone, "the arm by Cartesian impedance"),
+        "impedance": ({"action": "impedance"} | alone, "the arm by Cartesian impedance with commanded stiffness"),
+        **{name: (joints | given, f"the arm by joint velocities, {text}") for name, (given, text) in persons.items()},
+    }
+    del steps["arm"]
+    resets = persons | {"body": ({"population": "adult_mixed"}, "a person by torque, another body")}
     found = {}
-    for name, law, drive, text in (
-        ("joints", "joint", "", "by joint commands"),
-        ("cartesian", "cartesian", "", "by Cartesian impedance"),
-        ("person", "joint", "torque", "and a person by torque, separation, RULA"),
-        ("muscles", "joint", "muscle", "and a person by muscles, separation, RULA"),
-    ):
-        given, what = {"law": law, "drive": drive}, f"an environment: arm {text}"
+    for name, (given, text) in steps.items():
+        what = f"an environment: {text}"
         found[f"environment/{name}"] = Case(what, "ms of robot time", ("environment", "step"), given, reference=PANDA)
-    for name, drive in (("arm", ""), ("person", "torque"), ("muscles", "muscle")):
-        what = f"a reset in place: {name}"
-        found[f"reset/{name}"] = Case(what, "reset", ("environment", "reset"), {"drive": drive}, reference=PANDA)
-    for name, population, text in (
-        ("motion", "", "another motion"),
-        ("body", "adult_mixed", "another body and motion"),
-    ):
-        what, given = f"an episode of Reach begins, with {text} of the person", {"population": population}
-        found[f"reset/{name}"] = Case(what, "reset", ("environment", "episode"), given, reference=PANDA)
+    for name, (given, text) in resets.items():
+        what = f"an episode begins: {text}"
+        found[f"reset/{name}"] = Case(what, "reset", ("environment", "reset"), given, reference=PANDA)
     return found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
-from franka_hw_interface.transforms import check_load, check_transform
+from franka_hw_interface.transforms import check_frame, check_load
 from franka_msgs.msg import ErrorRecoveryAction
 from franka_msgs.srv import (
     SetCartesianImpedance,
@@ -135,11 +135,11 @@ class ArmServices:
         self._arm.request(lambda: self._arm.set_load(load.mass, load.com.tolist(), list(request.load_inertia)))
 
     def _ee_frame(self, request: Any) -> None:
-        check_transform(request.NE_T_EE, "NE_T_EE")
+        check_frame(request.NE_T_EE, "NE_T_EE")
         self._arm.request(lambda: self._arm.set_EE_frame(list(request.NE_T_EE)))
 
     def _k_frame(self, request: Any) -> None:
-        check_transform(request.EE_T_K, "EE_T_K")
+        check_frame(request.EE_T_K, "EE_T_K")
         self._arm.request(lambda: self._arm.set_K_frame(list(request.EE_T_K)))
 
     def _joint_impedance(self, request: Any) -> None:

@@ -123,8 +123,7 @@ def _at(times: FloatArray, known: FloatArray, values: FloatArray) -> FloatArray:
 
 def _check_same_motion(loaded: ModelCheck, empty: ModelCheck, time: FloatArray, inside: FloatArray) -> None:
     q = loaded.signals.q[loaded.signals.valid]
-    other = empty.signals.q[empty.signals.valid]
-    there = _at(time, empty.time, other)
+    there = _at(time, empty.time, empty.signals.q[empty.signals.valid])
     away = root_mean_square((q - there)[inside]) if inside.any() else np.full(q.shape[1], np.inf)
     if not (away <= SAME_MOTION).all():
         joint = int(np.argmax(away))
@@ -177,8 +176,7 @@ def _solved(
     spread = np.ones(torque.shape[1])
     for _ in range(3):
         weighted = (regressor / spread[:, None])[moving]
-        remaining = (torque / spread)[moving]
-        values, _, rank, _ = np.linalg.lstsq(weighted, remaining, rcond=1e-9)
+        values, _, rank, _ = np.linalg.lstsq(weighted, (torque / spread)[moving], rcond=1e-9)
         if rank < count:
             raise LogError("the motion does not determine the payload; valid: a motion of all joints")
         spread = np.maximum(_moving_rms(torque - regressor @ values, moving), 1e-6)

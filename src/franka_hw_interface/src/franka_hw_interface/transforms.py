@@ -54,6 +54,20 @@ def check_transform(values: Sequence[float], what: str) -> FloatArray:
     return np.ascontiguousarray(T)
 
 
+def check_frame(values: Sequence[float], what: str) -> FloatArray:
+    """Return the pose of a frame fixed to the hand, shape (4, 4), from 16 column-major values.
+
+    Raises:
+        CommandError: the values are not a pose, or farther than MAX_FRAME_DISTANCE along an axis.
+    """
+    T = check_transform(values, what)
+    if np.abs(T[:3, 3]).max() > MAX_FRAME_DISTANCE:
+        raise CommandError(
+            f"{what}: position {T[:3, 3].tolist()} m; valid: up to {MAX_FRAME_DISTANCE:g} m along each axis"
+        )
+    return T
+
+
 def check_pose(values: Sequence[float], what: str) -> None:
     """Raise an error if 16 column-major values are not a pose; fast enough for each cycle of a control loop.
 
@@ -88,6 +102,10 @@ def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -
     )
 
 
+MAX_FRAME_DISTANCE = 2.0
+"""Largest distance along each axis of the end-effector and stiffness frames from their parent frames [m].
+
+Project default, unconfirmed; longer than any tool, but below most lengths in mm."""
 MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
 """Maximum payload: mass [kg], distance from the flange along each axis [m], moment of inertia [kg m^2].
 

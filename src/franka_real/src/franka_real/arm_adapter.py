@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.model import FrankaModel
-from franka_hw_interface.transforms import check_transform, from_column_major
+from franka_hw_interface.transforms import check_frame, from_column_major
 from franka_real.connection import ArmConnection
 from franka_real.state import LibfrankaState
 from hric_control.loop_requests import LoopRequests
@@ -42,7 +42,7 @@ class ArmAdapter:
 
     def set_EE_frame(self, NE_T_EE: Sequence[float]) -> None:
         """Set the end effector in the nominal end-effector frame, 16 floats, column-major."""
-        T = check_transform(NE_T_EE, "NE_T_EE")
+        T = check_frame(NE_T_EE, "NE_T_EE")
         F_T_NE = from_column_major(self._state.F_T_NE)
         with self._patience():
             self._arm.set_EE_frame(list(NE_T_EE))
@@ -52,7 +52,7 @@ class ArmAdapter:
 
     def set_K_frame(self, EE_T_K: Sequence[float]) -> None:
         """Set the stiffness frame in the end-effector frame, 16 floats, column-major."""
-        T = check_transform(EE_T_K, "EE_T_K")
+        T = check_frame(EE_T_K, "EE_T_K")
         with self._patience():
             self._arm.set_K_frame(list(EE_T_K))
         for model in self._models:

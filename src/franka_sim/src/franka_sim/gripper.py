@@ -224,5 +224,4 @@ def emulated_hand(node: Node) -> tuple[Gripper, Callable[[], None]]:
         hand.object_width = values["object_width"] or None
         return values
 
-    registration = node.live_parameters([parameter], change)
-    return hand, registration.unregister
+    return hand, node.live_parameters([parameter], change).unregister

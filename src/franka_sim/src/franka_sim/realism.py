@@ -57,8 +57,7 @@ class Realism(Settings):
         """
         if not any((*self.mass_error, *self.com_error)):
             return urdf_xml
-        rng = np.random.default_rng(self.body_seed)
-        draws = np.clip(rng.standard_normal((JOINTS, 4)), -CUT_OFF, CUT_OFF)
+        draws = np.clip(np.random.default_rng(self.body_seed).standard_normal((JOINTS, 4)), -CUT_OFF, CUT_OFF)
         root = elements.parse(urdf_xml)
         links = {link.get("name"): link for link in root.iterfind("link")}
         for i, (mass_error, com_error, draw) in enumerate(

@@ -250,8 +250,7 @@ class _Ticks:
         """Decode the pending samples, at once if all their fields have equal lengths, else one by one."""
         waiting, self._waiting = self._waiting, []
         while waiting:
-            first = self._deserialize(waiting[0])
-            block = np.frombuffer(b"".join(waiting), _layout_of(first))
+            block = np.frombuffer(b"".join(waiting), _layout_of(self._deserialize(waiting[0])))
             if any((block[name] != block[name][0]).any() for name in SIZES):
                 block, waiting = block[:1], waiting[1:]
             else:

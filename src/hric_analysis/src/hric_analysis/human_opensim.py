@@ -43,12 +43,10 @@ def write(folder: Path, section: NodeParameters, record: HumanRecord, gravity: t
     body = settings.body()
     urdf = _standing(body.urdf, settings.root(body))
     options = urdf_to_osim.Options(gravity=gravity, inertia="keep", stops=False, friction="none", meshes=False)
-    conversion = urdf_to_osim.convert(urdf, options)
-    urdf_to_osim.write(conversion, folder / MODEL)
+    urdf_to_osim.write(urdf_to_osim.convert(urdf, options), folder / MODEL)
     if settings.drive == MUSCLE:
         anatomy = find(settings.muscles.anatomy, "human.muscles.anatomy")
-        muscles = MuscleSet(body, anatomy, settings.muscles.strength)
-        text = with_muscles((folder / MODEL).read_text(), muscles)
+        text = with_muscles((folder / MODEL).read_text(), MuscleSet(body, anatomy, settings.muscles.strength))
         with atomic(folder / MODEL) as path:
             path.write_text(text)
     columns = {name: record.position[:, j] for j, name in enumerate(record.joints)}

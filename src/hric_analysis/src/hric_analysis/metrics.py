@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.reader import ControlRecord, RunRecord, SentSetpoint
+from hric_core.urdf import read
 from hric_run.definition.experiment import MetricsSpec
 
 FloatArray = npt.NDArray[np.float64]
@@ -352,6 +353,12 @@ class MotionMetrics:
     setpoints: tuple[SetpointMetrics, ...]
     joints: dict[str, JointMetrics]
     topics: dict[str, int]
+
+
+def prismatic_joints(names: Sequence[str], description: str) -> tuple[str, ...]:
+    """Return the names of the joints that are prismatic in a URDF; empty without one."""
+    known = read(description).joints if description else {}
+    return tuple(name for name in names if name in known and known[name].type == "prismatic")
 
 
 def settling_bands(settings: Mapping[str, Any]) -> tuple[float, ...]:

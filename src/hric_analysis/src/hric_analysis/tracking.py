@@ -163,8 +163,7 @@ def _likeness(data: FollowedMarker, lag: int) -> float | None:
 
 def rms(vectors: FloatArray) -> float:
     """Return the root mean square of the lengths of vectors of shape (n, 3); rows with NaN are skipped."""
-    lengths = np.sum(vectors**2, axis=1)
-    return float(np.sqrt(np.nanmean(lengths)))
+    return float(np.sqrt(np.nanmean(np.sum(vectors**2, axis=1))))
 
 
 def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
@@ -308,8 +307,7 @@ def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> StampError
     late, sigma = late_by(speed, apart)
     windows = [time // STAMP_WINDOW == k for k in np.unique(time // STAMP_WINDOW)]
     parts = [late_by(speed[w], apart[w]) for w in windows if rms(speed[w]) > 0.5 * rms(speed)]
-    worst = max(parts, key=lambda part: abs(part[0]))
-    return StampError(late, sigma, *worst, STAMP_WINDOW)
+    return StampError(late, sigma, *max(parts, key=lambda part: abs(part[0])), STAMP_WINDOW)
 
 
 def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:

@@ -49,6 +49,7 @@ class RunMetrics(MotionMetrics):
     Attributes:
         real_time_factor: robot time per wall time [1].
         missed_deadlines: number of control cycles that started late; None: not published, as in a headless run.
+        prismatic: prismatic joints, whose values are in m, m/s and N instead of rad, rad/s and N m.
         reflexes: stops by which the arm protected itself.
         contacts: contact forces of each pair of bodies that touched.
         forces: force that each force controller held on a surface, by its name.
@@ -69,6 +70,7 @@ class RunMetrics(MotionMetrics):
     human: HumanMetrics | None
     supervisor: SupervisorMetrics | None
     tracking: TrackingMetrics | None
+    prismatic: tuple[str, ...] = ()
     reference: ReferenceSetup | None = None
     differences: tuple[Difference, ...] | None = None
 
@@ -100,6 +102,7 @@ class Values(Mapping[str, object]):
         self._others: dict[str, Callable[[], object]] = {
             "real_time_factor": lambda: run.get("real_time_factor"),
             "missed_deadlines": lambda: collection_record.missed_deadlines(bag),
+            "prismatic": lambda: metrics.prismatic_joints(record.log.joint_names, description),
             "reflexes": lambda: tuple(Reflex(*reflex) for reflex in record.reflexes),
             "contacts": lambda: tuple(contact_record.read(bag, record.robot_time)) or None,
             "forces": lambda: contact_record.forces_held(bag, record.robot_time) or None,

@@ -93,7 +93,7 @@ def parts(bag: Path) -> list[Path]:
     return paths
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
     """Return the typestore of some message types, given as (type, definition, checksum).
 
@@ -148,6 +148,7 @@ class PartsReader(AnyReader):
             raise damaged(bag, error) from error
         self.readers: list[Any] = [Ros2Reader(bag)] if ros2 else [IndexedReader(path) for path in paths]
         self._repeated: list[dict[Stream, int]] | None = None
+        self._typestores: dict[str, Typestore] = {}
 
     def _open(self) -> None:
         assert self.stack is not None
@@ -158,16 +159,21 @@ class PartsReader(AnyReader):
 
     @cached_property
     def typestore(self) -> Typestore:
-        """Definitions of the message types, made when the first message is read."""
+        """Definitions of all message types."""
+        return self._typestore_of(self.connections)
+
+    def _typestore_of(self, connections: Sequence[Connection]) -> Typestore:
         try:
-            return typestore_of(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
+            return typestore_of(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in connections))
         except (TypesysError, BagError) as error:
             raise damaged(self.bag, error) from error
 
     def deserialize(self, rawdata: bytes, typ: str) -> Any:
-        """Return a deserialised message. Raises BagError if the message is damaged."""
+        """Return a deserialised message. Raises BagError if the message or the definition of its type is damaged."""
+        if typ not in self._typestores:  # only the types that are read: the definitions of all take 30 ms
+            self._typestores[typ] = self._typestore_of([c for c in self.connections if c.msgtype == typ])
         try:
-            return self.typestore.deserialize_ros1(rawdata, typ)
+            return self._typestores[typ].deserialize_ros1(rawdata, typ)
         except HricError:
             raise
         except Exception as error:  # a damaged message may raise any error

@@ -31,8 +31,7 @@ class SpeedScaleTopics:
 
     def _on_request(self, message: Any) -> None:
         """Apply a request; an invalid one is refused, and the publisher's last one remains until it expires."""
-        valid_for = message.valid_for or math.inf
-        request = ScaleRequest(message.scale, message.stiffness, message.force, valid_for)
+        request = ScaleRequest(message.scale, message.stiffness, message.force, message.valid_for or math.inf)
         self._scale.request(request, publisher_of(message) or OTHERS)
         self._request.set(message.header.stamp)
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
+from xml.etree import ElementTree
 
 from hric_core import plugins
 from hric_core.errors import UnknownNameError
@@ -110,6 +111,8 @@ def main(words: Sequence[str] | None = None) -> int:
         _complete()
     if {"-h", "--help"}.intersection(words[:1]):
         return run_command("hric", lambda: print(_overview()))
+    if words[:1] == ["--version"]:
+        return run_command("hric", lambda: print(f"hric {_version()}"))
     return run_command(f"hric {_name(words)}".strip(), lambda: perform(words))
 
 
@@ -144,10 +147,18 @@ def _name(words: Sequence[str]) -> str:
     return next((name for name in (" ".join(words[:2]), *words[:1]) if name in known), "")
 
 
+def _version() -> str:
+    from hric_core.resources import package_path  # the commands do not need it
+
+    return ElementTree.parse(package_path("hric_core") / "package.xml").findtext("version", "")
+
+
 def _overview() -> str:
     commands = plugins.names(plugins.COMMAND)
     lines = (f"  {name:<20}{info.description}" for name, info in sorted(commands.items()))
-    return "\n".join(["usage: hric COMMAND [ARGUMENT ...], hric COMMAND --help", "", *lines, "", EXIT_CODES])
+    return "\n".join(
+        ["usage: hric COMMAND [ARGUMENT ...], hric COMMAND --help, hric --version", "", *lines, "", EXIT_CODES]
+    )
 
 
 def _complete() -> None:

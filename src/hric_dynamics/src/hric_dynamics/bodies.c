@@ -181,31 +181,39 @@ static PyObject *bodies_capsule_ends(Bodies *self, PyObject *const *given, Py_ss
     return done ? Py_NewRef(Py_None) : NULL;
 }
 
-/* Smallest distance of two sets of capsules [m], whose ends are placed; negative: they overlap. */
-FUNCTION(closest)
+/* Nearest capsule of a set for each capsule of another; their ends are placed. Each row of the result: distance [m],
+ * negative for an overlap; number of the nearest capsule; nearest points on the axes [m]. */
+FUNCTION(nearest)
 {
-    enum { ENDS_A, RADII_A, ENDS_B, RADII_B, SETS };
+    enum { ENDS_A, RADII_A, ENDS_B, RADII_B, ROWS, SETS };
     Py_buffer view[SETS];
-    if (!expect(count, SETS, "closest(ends_a, radii_a, ends_b, radii_b)") || !take_views(given, SETS, SETS, view))
+    if (!expect(count, SETS, "nearest(ends_a, radii_a, ends_b, radii_b, rows)") || !take_views(given, SETS, ROWS, view))
         return NULL;
     const Py_ssize_t size = sizeof(double), n = view[RADII_A].len / size, m = view[RADII_B].len / size;
-    const Py_ssize_t bytes[SETS] = {6 * n * size, n * size, 6 * m * size, m * size};
-    double least = INFINITY, (*a)[2][3] = view[ENDS_A].buf, (*b)[2][3] = view[ENDS_B].buf;
+    const Py_ssize_t bytes[SETS] = {6 * n * size, n * size, 6 * m * size, m * size, 8 * m * size};
+    double (*a)[2][3] = view[ENDS_A].buf, (*b)[2][3] = view[ENDS_B].buf, (*rows)[8] = view[ROWS].buf;
     const double *radii_a = view[RADII_A].buf, *radii_b = view[RADII_B].buf;
     const int fits = views_fit(view, SETS, bytes);
     for (Py_ssize_t pair = 0; fits && pair < n * m; pair++) {
-        const Py_ssize_t i = pair / m, j = pair % m;
-        double w[3], u[3], v[3];
+        const Py_ssize_t i = pair % n, j = pair / n;
+        double w[3], u[3], v[3], at[2], *row = rows[j];
         for (int k = 0; k < 3; k++) {
             w[k] = a[i][0][k] - b[j][0][k];
             u[k] = a[i][1][k] - a[i][0][k];
             v[k] = b[j][1][k] - b[j][0][k];
         }
-        const double distance = sqrt(segments_apart(w, u, v)) - radii_a[i] - radii_b[j];
-        least = isnan(least) || distance >= least ? least : distance; /* a distance that is not known stays so */
+        const double distance = sqrt(segments_apart(w, u, v, at)) - radii_a[i] - radii_b[j];
+        if (i > 0 && (isnan(row[0]) || distance >= row[0]))
+            continue; /* a distance that is not known stays so */
+        row[0] = distance;
+        row[1] = (double)i;
+        for (int k = 0; k < 3; k++) {
+            row[2 + k] = a[i][0][k] + at[0] * u[k];
+            row[5 + k] = b[j][0][k] + at[1] * v[k];
+        }
     }
     release_views(view, SETS);
-    return fits ? PyFloat_FromDouble(least) : NULL;
+    return fits ? Py_NewRef(Py_None) : NULL;
 }
 
 /* -- many instants ------------------------------------------------------------------------------------------------- */
@@ -370,6 +378,8 @@ static PyMethodDef bodies_methods[] = {
     {0}};
 
 static PyMethodDef functions[] = {
-    METHOD(closest, "(ends_a, radii_a, ends_b, radii_b) -> smallest distance of two sets of capsules"), {0}};
+    METHOD(nearest,
+           "(ends_a, radii_a, ends_b, radii_b, rows): write the nearest of a set of capsules for each of another"),
+    {0}};
 
 TYPE_MODULE(hric_bodies, Bodies, bodies, functions)

@@ -13,11 +13,12 @@ from hric_core.urdf.robot import ONE_COORDINATE, Joint, Robot
 
 _built = load("hric_bodies")
 _Bodies: Any = _built.Bodies
-closest: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], float] = _built.closest
-"""Function that returns the smallest distance of two sets of capsules [m], below 0 for an overlap; NaN: not known.
+nearest: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None] = _built.nearest
+"""Function that writes, for each of m capsules, which of k other capsules is the nearest.
 
-Arguments: ends_a, radii_a, ends_b, radii_b, contiguous float64 arrays: ends of the axes, shapes (k, 2, 3) and
-(m, 2, 3), and radii, shapes (k,) and (m,) [m].
+Arguments: ends_a, radii_a, ends_b, radii_b, rows, contiguous float64 arrays: ends of the axes of the k and m capsules,
+shapes (k, 2, 3) and (m, 2, 3), and radii, shapes (k,) and (m,) [m]; result, shape (m, 8): distance [m], below 0 for an
+overlap, NaN: not known; index of the nearest of the k capsules; nearest points on its axis and on the own one [m].
 """
 _FIXED = (True, (0.0, 0.0, 0.0))
 

@@ -81,9 +81,8 @@ def _parameters(definition: experiment.Experiment, options: argparse.Namespace) 
     from hric_run.definition import parameters
 
     tree = parameters.namespace(definition, options.seed)
-    robots = [(tree, definition)]
-    if definition.arms:
-        robots = [(tree[parameters.ROBOT]["arms"][name], part) for name, part in definition.each_arm().items()]
+    arms = definition.each_arm() if definition.arms else {}
+    robots = [(tree[parameters.ROBOT]["arms"][name], part) for name, part in arms.items()] or [(tree, definition)]
     for index, (values, part) in enumerate(robots):
         if part.robot.urdf:
             raise experiment.ExperimentError(

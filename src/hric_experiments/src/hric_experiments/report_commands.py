@@ -18,27 +18,30 @@ from hric_run.definition.experiment import ExperimentError
 class ReportCommand(Command):
     """Compute metrics, figures and report of a run again, from its bag.
 
-    For a bag or a c3d file without run folder, print the verdict on safety and ergonomics.
+    For a bag or a trial without run folder, print the verdict on safety and ergonomics.
     """
 
     def arguments(self) -> list[Argument]:
         """Return the command-line arguments."""
         return [
-            *run_arguments("a bag, or a c3d file with markers of a body", "RUN|BAG|C3D"),
+            *run_arguments("a bag, or a trial with markers of people (see hric trial)", "RUN|BAG|TRIAL"),
             Argument(
                 "--html",
                 action="store_true",
                 help="also write report.html: one file with plots, tables and a 3D replay, for any browser; for a bag "
-                "or "
-                "c3d file: NAME_report.html next to it, with verdict and replay",
+                "or trial: NAME_report.html next to it, with verdict and replay",
             ),
             Argument("--no-figures", action="store_true", help="draw no figures"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Rewrite metrics, figures and report of a run, or print the verdict on a bag or c3d file."""
+        """Rewrite metrics, figures and report of a run, or print the verdict on a bag or trial."""
+        from hric_motion.formats import FORMATS
+        from hric_motion.handovers import is_handover
+
         path = Path(arguments.run).expanduser()
-        if foreign.is_ros2(path) or (path.suffix.lower() in (".bag", ".c3d") and not path.is_dir()):
+        file = path.suffix.lower() in (".bag", *FORMATS) and not path.is_dir()
+        if file or foreign.is_ros2(path) or is_handover(path):
             _report_recording(path, arguments.html)
         else:
             _report_run(RunFolder.open(arguments.run, arguments.runs), arguments)
@@ -58,7 +61,7 @@ def _report_run(folder: RunFolder, arguments: argparse.Namespace) -> None:
 
 
 def _report_recording(path: Path, html: bool) -> None:
-    """Print the verdict on a bag or c3d file; `html`: also write its page next to the file."""
+    """Print the verdict on a bag or trial; `html`: also write its page next to the file."""
     from hric_assessment.verdict import opened
     from hric_report.html import recording_page
     from hric_report.html.verdict import summary, verdict_of_recording

@@ -107,8 +107,7 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
     violations: set[str] = set()
     forces, separations, ended, first = [0.0], [], False, True
     while not ended:
-        action = act(observation, {**env.fields, "first": first})
-        observation, reward, over, late, info = env.step(action)
+        observation, reward, over, late, info = env.step(act(observation, {**env.fields, "first": first}))
         score, seconds, ended, first = score + reward, seconds + plain.period, over or late, False
         violations |= {*info["violations"], *info["not_known"]} | ({REFLEX} if info["reflex"] else set())
         forces.append(info["costs"].get(FORCE, 0.0))

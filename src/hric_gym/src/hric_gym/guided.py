@@ -78,9 +78,8 @@ class GuidedReference(Reference):
 
     def _next(self) -> Joints:
         self._knots += 1
-        if not self._channel:
-            TARGETS[self._channel] = np.array(self._program.pose(self._knots * KNOT).position)
-        offset = TARGETS[self._channel] - self._p
+        program, channel = self._program, self._channel
+        offset = (TARGETS[channel] if channel else np.array(program.pose(self._knots * KNOT).position)) - self._p
         distance = float(np.linalg.norm(offset))
         if distance > 0.0:
             p = self._p + offset * min(1.0, self._step / distance)

@@ -9,7 +9,7 @@ import numpy as np
 from hric_assessment.contact.assess import ContactSite, assess
 from hric_assessment.contact.episodes import PENALTY, episodes
 from hric_assessment.contact.limits import Limits
-from hric_assessment.ergonomics.posture import NOTHING_KNOWN, of_joints
+from hric_assessment.ergonomics.instant import InstantScore
 from hric_assessment.ergonomics.rula import Rula
 from hric_assessment.findings import Finding, Outcome
 from hric_control.sim.simulated_robot import SimulatedRobot
@@ -47,6 +47,8 @@ class Costs:
     @classmethod
     def worst(cls, parts: Sequence["Costs"]) -> "Costs":
         """Return the largest costs of the parts of a step; a cost has to be known in all of them."""
+        if len(parts) == 1:
+            return parts[0]
         violations, unknown = (
             {name for part in parts for name in getattr(part, key)} for key in ("violations", "not_known")
         )
@@ -124,7 +126,8 @@ class Judge:
     """
 
     def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
-        self._watch = ContactWatch(hw, settings)
+        self._watch, joints = ContactWatch(hw, settings), tuple(settings.body().joints)
+        self._scores = [InstantScore(Rula(), joints, side) for side in ("right", "left")] if TRUNK in joints else []
         supervision = SupervisorSettings()
         self._stopping = StoppingModel(supervision)
         self._protective = Protective(supervision, self._stopping)
@@ -143,11 +146,11 @@ class Judge:
         poor = [finding for finding in findings if finding.outcome != Outcome.WITHIN]
         shares = {FORCE: max((math.inf if item.share is None else item.share for item in findings), default=0.0)}
         shares[SEPARATION], shares[STOPPING] = self._separation(observation)
-        effort = float(np.nanmax(person.strength_share, initial=-math.inf))
+        effort = float(np.fmax.reduce(person.strength_share, initial=-math.inf))  # of those that are known
         if math.isfinite(effort):
             shares[EFFORT] = effort
-        if TRUNK in person.joints:
-            shares[POSTURE] = self._posture(person.joints, person.q)
+        if self._scores:
+            shares[POSTURE] = self._posture(person.q.tolist())
         over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
         return Costs(
             shares,
@@ -174,15 +177,9 @@ class Judge:
         shares = np.where(near.distance > 0.0, terms.total / distance, math.inf)
         return float(shares.max()), float(((terms.reaction + terms.stopping) / distance).max())
 
-    @staticmethod
-    def _posture(joints: tuple[str, ...], q: FloatArray) -> float:
+    def _posture(self, q: Sequence[float]) -> float:
         """Return the RULA score of the worse arm, divided by the highest score that is not "above limits" [1].
 
         Loads and repetitions, which the simulation does not know, count as favourable: the result is a lower bound.
         """
-        method = Rula()
-        scores = [
-            int(method.highest(of_joints(joints, q[None], side), NOTHING_KNOWN, "", {})[0])
-            for side in ("right", "left")
-        ]
-        return max(scores) / method.table().warning.value
+        return max(score(q) for score in self._scores) / Rula().table().warning.value

@@ -82,7 +82,7 @@ class CollaborationParallelEnv(ParallelEnv):
         """
         if not self.agents:
             raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
-        if missing := sorted({*self.agents} - {*actions}):
+        if missing := [agent for agent in self.agents if actions.get(agent) is None]:
             raise HricError(f"no action of {', '.join(missing)}; valid: one of each agent, {', '.join(self.agents)}")
         values, reward, ended, late, info = self._env.step_with(actions[ROBOT], actions[PERSON])
         observations, agents = self._values(values), self.agents

@@ -5,12 +5,15 @@ The contract of a policy (`hric_controllers.policy.contract.PolicyContract`) lis
 
 import math
 from collections.abc import Mapping
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 
 import hric_gym.envs
-from hric_controllers.policy.contract import FIELDS, STREAM, VERSION, FieldScale, PolicyContract, Vector
+from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_controllers.cartesian.workspace import Box as Region
+from hric_controllers.policy.contract import FIELDS, STREAM, VERSION, FieldScale, PolicyContract, PolicyRobot, Vector
 from hric_core.errors import HricError, check_known
 from hric_gym.actions import STREAM_SPEED
 from hric_gym.environment import STEP
@@ -20,6 +23,8 @@ from hric_gym.tasks import DRAWN, FORCE, TASKS
 
 READY = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 """Joint positions that are 0 in scaled observations: the start position of the arm, 7 values [rad]."""
+GOALS = Region(*(tuple(corner.tolist()) for corner in BOX))
+"""Box of the goals, in which a policy is trained."""
 TOLERATED = 0.1
 """Contact force as share of its limit, up to which a step costs nothing in training [1] (project default). Reflexes
 come from hits of 0.2 or more; a cost of all forces would teach the arm to leave a light contact quickly."""
@@ -45,7 +50,25 @@ def contract(task: str, training: Mapping[str, object]) -> PolicyContract:
         FieldScale(name, FIELDS[name][1], tuple(offset), (scale,) * FIELDS[name][0])
         for name, (offset, scale) in scaling.items()
     )
-    return PolicyContract(VERSION, fields, STEP, STREAM, STREAM_SPEED, NEAR, {"task": task, **training})
+    with closing(_made(task, person="none")) as env:
+        robot = _robot(env)
+    return PolicyContract(VERSION, fields, STEP, STREAM, STREAM_SPEED, NEAR, robot, GOALS, {"task": task, **training})
+
+
+def _made(task: str, **arguments: Any) -> Any:
+    """Return the environment of a task. Raises HricError if its goal is not a point, as the real arm needs."""
+    check_known("task", [task], [name for name, item in TASKS.items() if item.goal == DRAWN])
+    identity = next(identity for identity, name in hric_gym.envs.IDS.items() if name == task)
+    return make(identity, action=STREAM, **arguments)
+
+
+def _robot(env: Any) -> PolicyRobot:
+    """Return the robot of an environment."""
+    simulation = env.unwrapped.simulation
+    hw, limits = simulation.app.hw, dict(list(simulation.limits.items())[:7])
+    assert isinstance(hw, FrankaHWSim), "the environment has refused other robots"
+    ranges = [(limit["lower"], limit["upper"]) for limit in limits.values()]
+    return PolicyRobot.of_arm(hw.arm_id, [*limits], ranges, hw.model)
 
 
 class PolicyEnv(ObservationWrapper):
@@ -85,13 +108,17 @@ def environment(agreed: PolicyContract, person: str = "scripted") -> PolicyEnv:
         person: kind of person, as in `CollaborationEnv`.
 
     Raises:
-        HricError: the contract names no task, or one whose goal is not a point; the real arm receives only points. Or
-            it has another speed, or another distance at which a goal is reached, than the environment.
+        HricError: the contract names no task, or one whose goal is not a point. Or its robot, its goals, its speed, or
+            the distance at which a goal is reached are not known or not those of the environment.
     """
     task, weights = str(agreed.training.get("task")), agreed.training.get("weights")
-    check_known("task", [task], [name for name, item in TASKS.items() if item.goal == DRAWN])
-    for name, own, unit in (("action_scale", STREAM_SPEED, "m/s"), ("near", NEAR, "m")):
-        if (value := getattr(agreed, name)) != own:
-            raise HricError(f"{name} of the policy is {value} {unit}; valid in hric_gym: {own} {unit}")
-    identity = next(identity for identity, name in hric_gym.envs.IDS.items() if name == task)
-    return PolicyEnv(make(identity, action=agreed.action, step=agreed.period, weights=weights, person=person), agreed)
+    env = _made(task, step=agreed.period, weights=weights, person=person)
+    try:
+        agreed.check_robot(_robot(env))
+        for name, own, unit in (("action_scale", STREAM_SPEED, " m/s"), ("near", NEAR, " m"), ("goals", GOALS, "")):
+            if (value := getattr(agreed, name)) != own:
+                raise HricError(f"{name} of the policy: {value}{unit}; valid in hric_gym: {own}{unit}")
+    except HricError:
+        env.close()
+        raise
+    return PolicyEnv(env, agreed)

@@ -238,7 +238,7 @@ def _commanded(
     definition: Experiment, controller: str, parameters: Mapping[str, object], changes: Sequence[str]
 ) -> Experiment:
     """Return an experiment with another controller and its parameters, to which changes are applied."""
-    used = (*(name for name in definition.controllers if name.endswith("_state_controller")), controller)
+    used = (controller,)
     changed = overrides.apply({"controllers": used, "parameters": {controller: parameters}}, changes)
     return replace(definition, controllers=used, parameters=changed["parameters"])
 

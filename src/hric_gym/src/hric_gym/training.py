@@ -76,9 +76,9 @@ class _Progress(BaseCallback):
     The figures are those of the newest RECENT episodes. A violation is a force above its limit, or a reflex.
     """
 
-    def __init__(self, steps: int, interrupted: threading.Event) -> None:
+    def __init__(self, done: int, steps: int, interrupted: threading.Event) -> None:
         super().__init__()
-        self._bar, self._interrupted = tqdm(total=steps, unit=" steps", desc="SAC"), interrupted
+        self._bar, self._interrupted = tqdm(initial=done, total=steps, unit=" steps", desc="SAC"), interrupted
         self._ends, self._score, self._violated = Ends(), 0.0, False
 
     def _on_step(self) -> bool:
@@ -231,11 +231,12 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
         buffer = CostBuffer if limit else None
         model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, replay_buffer_class=buffer, **rate, **SETTINGS)
     save = partial(_save_all, model, agreed, output)
-    interrupted, left = threading.Event(), steps - model.num_timesteps
+    interrupted, done = threading.Event(), model.num_timesteps
     previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in STOP_SIGNALS}
-    limits = [_CostLimit(limit[0], AIM * limit[1])] if limit else []
+    callbacks: list[BaseCallback] = [_Progress(done, steps, interrupted), _Checkpoints(save)]
+    callbacks += [_CostLimit(limit[0], AIM * limit[1])] if limit else []
     try:
-        model.learn(left, [_Progress(left, interrupted), _Checkpoints(save), *limits], reset_num_timesteps=False)
+        model.learn(steps - done, callbacks, reset_num_timesteps=False)
         save()
     finally:
         for number, handler in previous.items():

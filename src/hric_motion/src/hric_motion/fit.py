@@ -207,12 +207,10 @@ class BodyFit:
         known, parts = self._started(positions[knots]), list[FittedMotion]()
         for begin in range(0, len(positions), BLOCK):
             rows = np.arange(begin, min(begin + BLOCK, len(positions)))
-            nearest = np.abs(rows[:, None] - knots).argmin(axis=1)
-            parts.append(self._block(positions[rows], known.rows(nearest)))
+            parts.append(self._block(positions[rows], known.rows(np.abs(rows[:, None] - knots).argmin(axis=1))))
             progress(int(rows[-1]) + 1, len(positions))
         postures = BodyPostures(*map(np.concatenate, zip(*(part.postures for part in parts), strict=True)))
-        arrays = [np.concatenate([part[k] for part in parts]) for k in (1, 2)]
-        return FittedMotion(postures, *arrays)
+        return FittedMotion(postures, *[np.concatenate([part[k] for part in parts]) for k in (1, 2)])
 
     # -- shared unknowns -----------------------------------------------------------------------------------------------
 
@@ -310,8 +308,7 @@ class BodyFit:
             _, lower = self._solved(positions[sample], self._at_start(positions, start).rows(sample))
             if (lower < LOWER * cost[sample]).any():
                 other, lower = self._solved(positions, self._at_start(positions, start))
-                better = lower < cost
-                postures, cost = _chosen(better, other, postures), np.minimum(lower, cost)
+                postures, cost = _chosen(lower < cost, other, postures), np.minimum(lower, cost)
         return self._improved(positions, postures, cost)
 
     def _improved(self, positions: FloatArray, postures: BodyPostures, cost: FloatArray) -> BodyPostures:

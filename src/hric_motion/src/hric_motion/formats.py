@@ -18,7 +18,7 @@ from hric_core.geometry import FloatArray
 from hric_core.geometry.transforms import vectors_z_up
 from hric_core.parameters import read_yaml
 from hric_core.trial.c3d import MEASURES, Trial
-from hric_core.trial.opensim_text import check_rate, lines_of, matrix_of, padded, rate_of, read_markers, rising
+from hric_core.trial.opensim_text import check_rate, lacking, lines_of, matrix_of, padded, rate_of, read_markers, rising
 from hric_core.trial.plates import METRES
 
 FORMATS = (".c3d", ".xdf", ".trc", ".csv", ".mvnx")
@@ -83,9 +83,8 @@ def read_trc(path: Path, up: str) -> Trial:
         ParameterError: a file cannot be read, or its content is not in this format.
     """
     rows = read_markers(path)
-    return trial_of(
-        path.name, rate_of(path, rows.time), float(rows.time[0]), rows.markers, up or "y", bool(up), _session(path)
-    )
+    about = float(rows.time[0]), rows.markers, up or "y", bool(up), _session(path), rows.lacks
+    return trial_of(path.name, rate_of(path, rows.time), *about)
 
 
 def trial_of(
@@ -96,11 +95,18 @@ def trial_of(
     up: str,
     up_known: bool,
     subject: Mapping[str, float],
+    lacks: str = "",
 ) -> Trial:
-    """Return a trial from positions by label in the axes of the file, shape (n, 3) each [m]; NaN: not visible."""
+    """Return a trial from positions by label in the axes of the file, shape (n, 3) each [m]; NaN: not visible.
+
+    lacks: note on missing frames; empty: no frames are missing.
+    """
     positions = vectors_z_up(up, np.stack(list(points.values()), axis=1))
     nothing = np.zeros((0, 0))
-    return Trial(name, rate, tuple(points), positions, 0.0, (), (), nothing, {}, up, up_known, subject, start=start)
+    reasons: dict[int | str, str] = {"frames": lacks} if lacks else {}
+    return Trial(
+        name, rate, tuple(points), positions, 0.0, (), (), nothing, {}, up, up_known, subject, reasons, start=start
+    )
 
 
 def _session(path: Path) -> dict[str, float]:
@@ -154,7 +160,7 @@ def read_motive(path: Path, up: str) -> Trial:
         ParameterError: the file cannot be read, or its content is not in this format.
     """
     lines = list(csv.reader(lines_of(path)))
-    metres, turned, stated = _about_motive(path, lines)
+    metres, turned, stated, frames = _about_motive(path, lines)
     last = next((k for k, row in enumerate(lines) if row and row[0].strip() == "Frame"), 0)
     head, labels = [row for row in lines[1:last] if any(row)], lines[last]
     if len(head) < 3 or any(len(row) != len(labels) for row in head):
@@ -175,11 +181,12 @@ def read_motive(path: Path, up: str) -> Trial:
             points |= pose_points(name, metres * p, quaternions if kind == "Bone" else None, T_POSE[axis])
     if not points:
         raise ParameterError(f"{path} has no markers and no bones; valid: types Marker, Bone and Bone Marker")
-    return trial_of(path.name, rate_of(path, time), float(time[0]), points, axis, bool(up), {})
+    lacks = lacking(frames, len(time))
+    return trial_of(path.name, rate_of(path, time), float(time[0]), points, axis, bool(up), {}, lacks)
 
 
-def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bool, str]:
-    """Return the unit of length of a file of Motive [m], True if its rotations are quaternions, and its rate [Hz].
+def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bool, str, str]:
+    """Return the unit of length of a file of Motive [m], True if its rotations are quaternions, rate [Hz] and frames.
 
     Raises:
         ParameterError: it is not a file of Motive, or has another unit or coordinates of the parents.
@@ -194,7 +201,7 @@ def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bo
             "Global"
         )
     turned = about.get("Rotation Type", "Quaternion") == "Quaternion"
-    return METRES[unit.lower()], turned, about.get("Export Frame Rate", "")
+    return METRES[unit.lower()], turned, about.get("Export Frame Rate", ""), about.get("Total Exported Frames", "")
 
 
 def _columns(

@@ -121,8 +121,7 @@ class LiveLoad:
         if hand is not None and hand not in sides:
             raise HricError(f"the body of {body.subject.code} has no {hand} hand; valid: {', '.join(sides) or 'none'}")
         anatomy = anatomy or load(BUILT_IN)
-        muscles = MuscleSet(body, anatomy, strength)
-        self._after = AfterRun(body, muscles, anatomy, Pose(), gravity)
+        self._after = AfterRun(body, MuscleSet(body, anatomy, strength), anatomy, Pose(), gravity)
         self.names, self.joints, self.links = self._after.names, self._after.joints, self._after.links
         self._chains = {side: HandChain(body, side) for side in sides}
         self._count, self._hand = len(body.joints), hand

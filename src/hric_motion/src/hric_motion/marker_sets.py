@@ -169,8 +169,7 @@ def mapped_set(path: Path) -> tuple[TrialMarkerSet, Mapping[str, str]]:
             raise ParameterError(f"{path} names {name} twice: for {labels[name]} and for {label}; valid: once")
         labels[name] = label
     extra = {name: marker for one in reversed(marker_sets().values()) for name, marker in one.extra.items()}
-    computed = marker_sets()[FIRST].computed
-    return TrialMarkerSet(path.name, str(path), {}, extra, computed, {}), labels
+    return TrialMarkerSet(path.name, str(path), {}, extra, marker_sets()[FIRST].computed, {}), labels
 
 
 def maps_markers(path: Path) -> bool:

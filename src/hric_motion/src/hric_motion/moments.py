@@ -162,8 +162,7 @@ def joint_moments(
     time, whole = np.arange(rows.start, rows.stop) / rate, WholeBody(motion.body)
     posture = np.hstack([_filled(motion, rows), _continuous(motion.root[rows])])
     smooth, root = of_root_too(smoothed(time, posture, cutoff), motion.q.shape[1])
-    free = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root)
-    feet = _foot_ends(whole, free)
+    feet = _foot_ends(whole, whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root))
     support = _support(feet, weight(motion.body), smooth.time, plates, cutoff)
     needed = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root, [*support.loads, *loads])
     residual = _residual(whole, needed, root)
@@ -427,8 +426,7 @@ def plate_load(plate: TrialPlate, link: str, mask: Mask, time: FloatArray, cutof
     """
     samples = np.arange(len(plate.load)) / plate.rate
     on = np.interp(samples, time, mask.astype(float), left=0.0, right=0.0) > 0.5
-    raw = -plate.load * on[:, None]
-    filtered = sosfiltfilt(butter(2, cutoff, fs=plate.rate, output="sos"), raw, axis=0)
+    filtered = sosfiltfilt(butter(2, cutoff, fs=plate.rate, output="sos"), -plate.load * on[:, None], axis=0)
     wrench = replace(plate, load=np.asarray(filtered)).loads(time)
     R, middle = plate.T_lab_plate[:3, :3], plate.T_lab_plate[:3, 3]
     return ExternalLoad(link, wrench[:, :3] @ R.T, wrench[:, 3:] @ R.T, np.tile(middle, (len(time), 1)))

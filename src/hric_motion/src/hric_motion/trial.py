@@ -27,6 +27,8 @@ from hric_motion.measured import MeasuredMotion, measured
 
 MIN_MARKERS, MIN_TRUNK = 10, 3
 """Smallest numbers of markers of a known set, in all and on the trunk (project default, unconfirmed)."""
+FARTHEST = 2.5
+"""Largest distance of a marker from the median of a person's markers [m] (project default, unconfirmed)."""
 LEGS = tuple(f"_{LINKS[kind]}" for kind in ("thigh", "shank", "foot"))
 """Endings of the links of a leg."""
 DEFAULT = "P50_male"
@@ -139,6 +141,7 @@ def trial_motion(
     on = {one.name: one.link for one in markers(segments(replace(person, parts="whole_body")), extra)}
     _check_known(trials[0], worn, [name for name in worn.labels if on[name] in TRUNK], mapped=labels is not None)
     by_trial = [worn.labels, *(_again(trial, worn, labels is not None) for trial in trials[1:])]
+    trials = list(map(without_strays, trials, by_trial))
     names, never, positions = _seen(trials, by_trial)
     _check_upright(trials, names, positions)
     legs = any(on[name].endswith(LEGS) for name in names)
@@ -148,10 +151,8 @@ def trial_motion(
         motion = measured(person, names, positions[0], trials[0].rate, extra, still, progress)
     except HricError as error:
         raise HricError(f"{path.name}: {error}") from error
-    notes = _notes(trials, worn, sources, person, never)
-    return TrialMotion(
-        motion, trials[0], worn.labels, worn.chosen.name, worn.prefix.strip(":_/"), person, sources, notes
-    )
+    about = worn.chosen.name, worn.prefix.strip(":_/"), person, sources, _notes(trials, worn, sources, person, never)
+    return TrialMotion(motion, trials[0], worn.labels, *about)
 
 
 def _mapped(trial: Trial, path: Path) -> _Worn:
@@ -217,6 +218,25 @@ def _positions(trial: Trial, labels: Person, names: Sequence[str]) -> FloatArray
         if name in labels:
             positions[:, column] = trial.positions[:, trial.labels.index(labels[name])]
     return positions
+
+
+def without_strays(trial: Trial, labels: Person) -> Trial:
+    """Return a trial in which markers farther than FARTHEST from the median of the person's markers are not visible.
+
+    Frames in which at least half of the markers are that far away are unchanged: their unit may be wrong.
+    """
+    rows, positions = [trial.labels.index(label) for label in labels.values()], trial.positions.copy()
+    p, seen = positions[:, rows], seen_in(positions[:, rows])
+    middle = [np.median(frame[k] if k.any() else frame, axis=0) for frame, k in zip(p, seen, strict=True)]
+    strays = seen & (np.linalg.norm(p - np.reshape(middle, (-1, 1, 3)), axis=2) > FARTHEST)
+    strays &= (2 * strays.sum(axis=1) < seen.sum(axis=1))[:, None]
+    counts = {trial.labels[row]: count for row, count in zip(rows, strays.sum(axis=0), strict=True) if count}
+    if not counts:
+        return trial
+    positions[:, rows] = np.where(strays[..., None], np.nan, p)
+    named = ", ".join(f"{label} in {count} of {len(strays)} frames" for label, count in counts.items())
+    sentence = f"markers more than {FARTHEST:g} m from the median of the person's markers: {named}"
+    return replace(trial, positions=positions, reasons={**trial.reasons, "strays": sentence})
 
 
 def _check_known(trial: Trial, worn: _Worn, trunk: Sequence[str], *, mapped: bool) -> None:

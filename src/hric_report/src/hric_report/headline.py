@@ -138,9 +138,8 @@ def of_comparison(first: str, pairs: Mapping[str, Sequence[SetpointDifference]])
         if not joints:
             continue
         joint, worst = max(joints, key=lambda item: abs(item[1].peak_difference))
-        meaning = f"{joint} after {worst.peak_time:.3f} s: {first} minus {name}"
-        if not worst.peak_difference:
-            meaning = f"all positions of {first} and {name} are equal"
+        differ = f"{joint} after {worst.peak_time:.3f} s: {first} minus {name}"
+        meaning = differ if worst.peak_difference else f"all positions of {first} and {name} are equal"
         figures.append(KeyFigure("Peak difference", scaled(abs(worst.peak_difference), "rad"), meaning))
         joint, worst = max(joints, key=lambda item: abs(item[1].steady_difference))
         meaning = f"{joint}, mean of the last 0.1 s before the next setpoint or the end: {first} minus {name}"
@@ -160,9 +159,7 @@ def scaled(value: float | None, unit: str) -> str:
 
 def _digits(value: float) -> str:
     """Format a value with three significant digits, without an exponent."""
-    if value == 0.0:
-        return "0"
-    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
+    return "0" if value == 0.0 else f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
 
 
 def _count(number: int, word: str) -> str:

@@ -76,6 +76,5 @@ def drawn(heat: HeatMap, abscissa: str) -> Drawing:
     ax.grid(visible=False)
     ax.set_xlabel(abscissa)
     scale_axes = drawing.add_axes(((right[1] + 3.0) / width, BELOW / height, BAR / width, tall))
-    bar = drawing.colorbar(ScalarMappable(norm, colours), cax=scale_axes, extend="max")
-    bar.set_label(heat.unit)
+    drawing.colorbar(ScalarMappable(norm, colours), cax=scale_axes, extend="max").set_label(heat.unit)
     return drawing

@@ -13,15 +13,13 @@ def tracking(values: TrackingMetrics) -> str:
     if values.rms_error is None or values.largest_error is None or values.acceleration is None:
         parts.append(f"{values.controller}: no valid marker of {values.body or 'any body'} was received")
     else:
-        parts.append(
+        parts += [
             f"{values.controller} follows {values.body} (reference: {values.marker}), from "
-            f"{values.first_marker:.3f} s on:"
-        )
-        parts.append(
+            f"{values.first_marker:.3f} s on:",
             f"  lag {lag}; after compensation of the lag: RMS error {1e3 * values.rms_error:.2f} mm, largest "
-            f"{1e3 * values.largest_error:.2f} mm"
-        )
-        parts.append("  " + _acceleration(values.acceleration))
+            f"{1e3 * values.largest_error:.2f} mm",
+            "  " + _acceleration(values.acceleration),
+        ]
     latency = "" if frames.latency_median is None else f", latency {1e3 * frames.latency_median:.1f} ms (median)"
     refused = ", ".join(f"{count} {reason}" for reason, count in values.refused.items())
     parts.append(

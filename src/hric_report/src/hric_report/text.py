@@ -1,7 +1,7 @@
 """Text report of a run, for the terminal and summary.txt."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from hric_analysis import stability
 from hric_analysis.metrics import JointMetrics, SetpointMetrics
@@ -23,6 +23,8 @@ def render(run: RunFile, metrics: RunMetrics) -> str:
     parts += [
         f"THE ARM PROTECTED ITSELF at {reflex.time:.3f} s: {', '.join(reflex.errors)}" for reflex in metrics.reflexes
     ]
+    if metrics.prismatic:
+        parts.append(prismatic(metrics.prismatic))
     parts.append(_stability(metrics.stability))
     parts += [_setpoint(setpoint, metrics.joints) for setpoint in metrics.setpoints]
     if metrics.human:
@@ -63,6 +65,11 @@ def _head(run: RunFile, metrics: RunMetrics) -> str:
         f"{run.get('status', '')} ({run.get('mode', '')}){error}, arguments: {arguments}, seed {run.get('seed', 0)}\n"
         f"{log.cycles} cycles, {log.duration:.3f} s of robot time{pace}"
     )
+
+
+def prismatic(joints: Sequence[str]) -> str:
+    """Return a sentence on the units of prismatic joints, whose values are in columns with units of revolute joints."""
+    return f"{', '.join(joints)}: prismatic; units are m, m/s, N and N/s instead of rad, rad/s, N m and N m/s"
 
 
 def _held(name: str, force: contact_record.ForceHeld) -> str:

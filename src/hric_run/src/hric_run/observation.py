@@ -9,7 +9,8 @@ from hric_control.plant import Articulated, Contact
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray, pose_of_transform
 from hric_core.node import Node
-from hric_dynamics.tree import closest
+from hric_dynamics.tree import nearest
+from hric_human.body.segments import ROOT
 from hric_human.control.human_control import hand_side
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
@@ -106,9 +107,10 @@ class Observer:
             return
         body = self._body = self.settings.body()
         self._joints = tuple(body.joints)
-        self._body_shape = BodyShape(body, self.settings.root(body))
-        side = hand_side(body, (self.settings.control or {}).get("side", "dominant"), "")
-        self._hand = HandChain(body, side)
+        root = self.settings.root(body)
+        self._body_shape, self._T_world_root = BodyShape(body, root), root.transform()
+        self._T_world_root.setflags(write=False)  # all observations share it
+        self._hand = HandChain(body, hand_side(body, (self.settings.control or {}).get("side", "dominant"), ""))
         count = len(self._joints)
         walked = 0 if self.settings.walk is None else 2
         self._q, self._dq = [0.0] * (count + walked), [0.0] * (count + walked)
@@ -154,19 +156,21 @@ class Observer:
             return SimulationState(hw.loop.time, arm, None, contacts, None)
         person = self._person()
         near, body = arm.capsules, person.capsules
-        separation = closest(near.ends, near.radii, body.ends, body.radii)
-        return SimulationState(hw.loop.time, arm, person, contacts, separation)
+        rows = np.empty((len(body.radii), 8))
+        nearest(near.ends, near.radii, body.ends, body.radii, rows)
+        return SimulationState(hw.loop.time, arm, person, contacts, float(rows[:, 0].min()))
 
     def _person(self) -> PersonObservation:
         plant, count = self._hw.plant, len(self._joints)
         assert isinstance(plant, Articulated), "a person is refused by other plants"
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
-        root, _ = plant.link_state(f"{HUMAN}::{plant.base_link(HUMAN)}")
+        root, moved = self._T_world_root, None
+        if len(self._q) > count:  # the person walks; the model's base link stays at the start
+            root, _ = plant.link_state(f"{HUMAN}::{ROOT}")
+            moved = pose_of_transform(root)
         hand = root @ self._hand.pose(q).transform()
-        placed = self._body_shape.seen(
-            self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), pose_of_transform(root)
-        )
+        placed = self._body_shape.seen(self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), moved)
         return PersonObservation(
             self._joints, np.array(q), np.array(dq), root, hand, self._tau, self._share, self._activations, placed
         )

@@ -238,8 +238,7 @@ def _grip(arrays: Arrays, name: str) -> FloatArray:
     moved = np.zeros_like(vertices)
     for side in "rl":
         middle, wrist = joints[f"{side}-finger-3-1"], joints[f"{side}-hand"]
-        across = joints[f"{side}-finger-2-1"] - joints[f"{side}-finger-5-1"]
-        normal = np.cross(middle - wrist, across)
+        normal = np.cross(middle - wrist, joints[f"{side}-finger-2-1"] - joints[f"{side}-finger-5-1"])
         normal *= np.sign(normal @ (joints[f"{side}-finger-1-4"] - middle))  # out of the palm
         palm = middle + 0.4 * (wrist - middle) + PALM * normal / np.linalg.norm(normal)
         for finger, angles in CURL.items():

@@ -68,8 +68,7 @@ class SupervisorApp:
         description = node.param(f"{root}robot_description")
         joints = [transmission.joint for transmission in parse_transmissions(description)]
         arm = ArmShape(description, joints)
-        plant = node.param(f"{root}robot/plant", {})
-        rotors = np.array(rotor_inertia(plant, joints, arm.tree))
+        rotors = np.array(rotor_inertia(node.param(f"{root}robot/plant", {}), joints, arm.tree))
         base = arm.tree.joints[joints[0]].parent
         self._arm = ArmInput(node, root, joints)
         self._persons = person_inputs(node, root, settings, base)

@@ -11,6 +11,7 @@ from hric_assessment.separation.capsules import capsules_of, poses, unlogged
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
+from hric_supervisor.placed import CapsuleTree
 
 STEP = 1e-3
 """Time step along the present velocity by which point velocities are computed [s]; relative error below 1e-3."""
@@ -96,6 +97,7 @@ class ArmShape:
             )
         if not self.capsules.links:
             raise DescriptionError(f"no moving link of {self.tree.name} has a collision shape")
+        self._placed = CapsuleTree(self.tree, self.joints, self.capsules)
 
     @property
     def is_franka(self) -> bool:
@@ -120,5 +122,5 @@ class ArmShape:
 
     def at(self, state: ArmState) -> PlacedCapsules:
         """Return the capsules in the world, with their velocities, for a state of the arm."""
-        now, ahead = self.ends(np.array([state.q, state.q + STEP * state.dq]))
+        now, ahead = self._placed(state.q.tolist()), self._placed((state.q + STEP * state.dq).tolist())
         return PlacedCapsules(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)

@@ -211,8 +211,7 @@ class Supervisor:
     ) -> Decision:
         """Decide from valid data; velocities: of the axis ends of the person's capsules, shape (m, 2, 3) [m/s]."""
         placed, stamp = self._arm.at(arm), person.stamp
-        speeds = np.linalg.norm(placed.velocities, axis=2)
-        fastest = float(speeds.max())
+        fastest = float(np.linalg.norm(placed.velocities, axis=2).max())
         if fastest > self._stopping.fastest:
             known = f"the table of stops goes up to {self._stopping.fastest:g} m/s"
             return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, but {known}")
@@ -368,8 +367,7 @@ class Supervisor:
         at_arm = [at for at in hands if distance[at] <= settings.guided_distance]
         limits = math.nan, settings.guided_stiffness, settings.guided_force
         if not at_arm:
-            nearest = int(np.argmin(distance))
-            return Permitted(0.0, nearest, *limits, "no guiding hand is at the arm")
+            return Permitted(0.0, int(np.argmin(distance)), *limits, "no guiding hand is at the arm")
         sides = {person.links[at].partition("_")[0] for at in at_arm if "_" in person.links[at]}
         leading = [link.partition("_")[0] in sides and _is_arm(link) for link in person.links]
         leading = [is_so or at in at_arm for at, is_so in enumerate(leading)]

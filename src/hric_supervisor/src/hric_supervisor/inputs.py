@@ -1,5 +1,6 @@
 """Subscriptions of the supervisor: joint states of the arm, and the sources of the persons' poses."""
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -15,7 +16,7 @@ from hric_core.geometry import Pose
 from hric_core.geometry.messages import pose_of
 from hric_core.node import Node, Registration, publisher_of
 from hric_human.participant.settings import HumanSettings
-from hric_motion.tracking import LOST
+from hric_motion.tracking import BRIDGED, LOST
 from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings
 from hric_supervisor.arm import ArmState
@@ -252,9 +253,13 @@ class TrackedInput(_BodyInput):
         person: section `person` of the experiment; None: its defaults.
         where: name of the parameter with that section, for error messages.
         frame: frame of the arm's base, in which the markers must be given.
+        uncertainty: largest accepted residual of the tracker [m], the supervisor's `person_uncertainty`.
     """
 
-    def __init__(self, node: Node, root: str, person: Content | None, where: str, frame: str) -> None:
+    def __init__(
+        self, node: Node, root: str, person: Content | None, where: str, frame: str, uncertainty: float
+    ) -> None:
+        self._uncertainty = uncertainty
         body, _ = PersonSettings.of(person or {}, where).known()
         super().__init__(BodyShape(body, Pose()), frame, WAITING)
         pairs = Pairs(self._take)
@@ -264,6 +269,14 @@ class TrackedInput(_BodyInput):
     def _take(self, joints: Any, where: Any) -> None:
         if where.root_state != LOST and len(joints.name) == len(where.name):
             super()._take(joints, where)
+
+    def _observation(self, joints: Any, where: Any) -> Observation:
+        observation = super()._observation(joints, where)
+        if where.residual <= self._uncertainty or (where.root_state == BRIDGED and math.isnan(where.residual)):
+            return observation
+        valid = f"up to person_uncertainty, {self._uncertainty:g} m"
+        text = f"has markers {where.residual:.3f} m away from those of the body; valid: {valid}"
+        return observation._replace(fault=observation.fault or text)
 
     @staticmethod
     def _root(where: Any) -> Pose:
@@ -288,7 +301,8 @@ def person_inputs(node: Node, root: str, settings: SupervisorNodeSettings, base:
             body = settings.body[0] if len(settings.persons) == 1 else name
             inputs.append(MarkerInput(node, root, settings.hand_radius, body, base))
         elif source == PERSON:
-            inputs.append(TrackedInput(node, root, settings.person, node.resolve("person"), base))
+            about = settings.person, node.resolve("person"), base, settings.person_uncertainty
+            inputs.append(TrackedInput(node, root, *about))
         else:
             section = settings.person if settings.human is None and PERSON not in settings.source else settings.human
             inputs.append(HumanInput(node, root, section, node.resolve("human")))

@@ -8,9 +8,10 @@ import numpy as np
 from hric_assessment.separation.capsules import of_body
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Pose
-from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.urdf import read
+from hric_dynamics.tree import pose_row
 from hric_human.body import Body
-from hric_human.control.whole_body import WholeBody
+from hric_supervisor.placed import CapsuleTree
 
 HAND = "hand, fingers"
 """Region of ISO/TS 15066 of a tracked hand."""
@@ -75,9 +76,9 @@ class BodyShape:
     """
 
     def __init__(self, body: Body, root: Pose) -> None:
-        self._dynamics, self._root, self._names = WholeBody(body), root, tuple(body.joints)
-        capsules = of_body(body)
-        self._capsules, self.links = capsules, capsules.links
+        self._root, self._names, capsules = root, tuple(body.joints), of_body(body)
+        self._placed = CapsuleTree(read(body.urdf), self._names, capsules)
+        self._radii, self.links = capsules.radii, capsules.links
         known = [body.regions.get(link, ()) for link in self.links]
         self._regions = tuple(tuple(region.name for region in regions) for regions in known)
         self._dominant = tuple(any(region.dominant for region in regions) if regions else None for regions in known)
@@ -99,13 +100,9 @@ class BodyShape:
             raise HricError(
                 f"the angle of {', '.join(missing)} is missing; valid: all joints of the body, {', '.join(self._names)}"
             )
-        poses = self._dynamics.poses([angles[name] for name in self._names], self._root if root is None else root)
-        T = np.tile(np.eye(4), (1, len(self.links), 1, 1))
-        for at, link in enumerate(self.links):
-            T[0, at, :3, :3] = rotation_from_quaternion(poses[link].orientation)
-            T[0, at, :3, 3] = poses[link].position
-        ends = self._capsules.placed(T)[0]
-        return Observation(stamp, frame, ends, self._capsules.radii, self.links, self._regions, self._dominant)
+        T_frame_root = pose_row((self._root if root is None else root).transform())
+        ends = self._placed([angles[name] for name in self._names], T_frame_root)
+        return Observation(stamp, frame, ends, self._radii, self.links, self._regions, self._dominant)
 
 
 def hand_ball(stamp: float, frame: str, position: Sequence[float], radius: float) -> Observation:

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_assessment.separation.capsules import distances, nearest_points
 from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
 from hric_assessment.separation.stopping import load
 from hric_assessment.tables import separation_table
 from hric_control.speed_scale import stopping_time
 from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray
+from hric_dynamics.tree import nearest
 from hric_supervisor.arm import InForce, PlacedCapsules
 from hric_supervisor.person import Observation
 from hric_supervisor.settings import SupervisorSettings
@@ -56,19 +56,17 @@ def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -
         person: capsules of the person in the world.
         velocities: velocities of the axis ends of the person's capsules, shape (m, 2, 3) [m/s].
     """
-    apart = distances(arm.ends[None], arm.radii, person.ends[None], person.radii)[0]
-    nearest = np.argmin(apart, axis=0)
-    capsules = arm.ends[nearest]
-    robot_point, person_point = nearest_points(capsules, person.ends)
+    rows = np.empty((len(person.radii), 8))
+    nearest(arm.ends, arm.radii, np.ascontiguousarray(person.ends), person.radii, rows)
+    index, robot_point, person_point = rows[:, 1].astype(int), rows[:, 2:5], rows[:, 5:]
     offset = person_point - robot_point
     length = np.linalg.norm(offset, axis=1)
     # If the axes cross, there is no direction from arm to person; the full speeds then count in `_towards`.
     direction = offset / np.maximum(length, 1e-9)[:, None]
     crossing = length < 1e-6
-    robot = _towards(arm.velocities[nearest], direction, crossing)
+    robot = _towards(arm.velocities[index], direction, crossing)
     human = _towards(velocities, -direction, crossing)
-    distance = apart[nearest, np.arange(len(nearest))]
-    return CapsuleNearness(distance, nearest, robot_point, person_point, direction, robot, human)
+    return CapsuleNearness(rows[:, 0], index, robot_point, person_point, direction, robot, human)
 
 
 def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray) -> FloatArray:
@@ -80,8 +78,9 @@ def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray
         crossing: True for capsules without a direction, whose full speed counts, shape (m,).
     """
     along = np.einsum("mei,mi->me", velocities, direction).max(axis=1)
-    full = np.linalg.norm(velocities, axis=2).max(axis=1)
-    return np.asarray(np.maximum(np.where(crossing, full, along), 0.0))
+    if crossing.any():
+        along = np.where(crossing, np.linalg.norm(velocities, axis=2).max(axis=1), along)
+    return np.asarray(np.maximum(along, 0.0))
 
 
 class RemainingStop(NamedTuple):

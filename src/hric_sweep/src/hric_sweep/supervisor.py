@@ -14,7 +14,7 @@ from hric_sweep.definition import SweepPlan
 from hric_sweep.engines.engine import SweepEngine
 from hric_sweep.execution import execute
 from hric_sweep.journal import Journal
-from hric_sweep.records import PlainData, RunResponse, RunRow, RunTask
+from hric_sweep.records import PlainData, RunResponse, RunRow
 from hric_sweep.samplers.sampler import Point, SamplerResult
 
 REFRESH = 20.0
@@ -108,10 +108,11 @@ class SweepSupervisor:
     def _keep_signals(self) -> None:
         """Repeat the worst and the failed runs, to store their signals (time series)."""
         folder = self._folder / COLUMNS
-        tasks: list[RunTask] = []
-        for row in rows_with_signals(self._plan, list(self.rows.values())):
-            if not (folder / f"{row.id}.npz").exists():
-                tasks.append(replace(self._plan.task(row.index, row.values, self._code), signals=True))
+        tasks = [
+            replace(self._plan.task(row.index, row.values, self._code), signals=True)
+            for row in rows_with_signals(self._plan, list(self.rows.values()))
+            if not (folder / f"{row.id}.npz").exists()
+        ]
         execute(tasks, self._engine, None, lambda response: _write_signals(response, folder))
 
 

@@ -179,9 +179,10 @@ class Controls:
     def leave(self, viewer: Viewer) -> None:
         """Release the control of a viewer who releases it or has disconnected; do nothing if they have none."""
         with self._lock:
-            if self._holder is viewer:
+            if held := self._holder is viewer:
                 self._holder, self._name = None, ""
-                viewer.tell({"type": "control", "held": False})
+        if held:  # without the lock, as a viewer that does not read holds up its sender
+            viewer.tell({"type": "control", "held": False})
 
     def _take(self, viewer: Viewer, name: str) -> None:
         with self._lock:

@@ -129,8 +129,7 @@ class LiveHand(LiveState):
         force = -np.array(message.O_F_ext_hat_K[:3])  # the message has the force of the arm on its surroundings
         if not (np.isfinite(T_base_ee).all() and np.isfinite(force).all() and T_base_ee[3, 3] == 1.0):
             return {}
-        quaternion = quaternion_from_rotation(T_base_ee[:3, :3])
-        pose = np.round([*T_base_ee[:3, 3], *quaternion], DIGITS).tolist()
+        pose = np.round([*T_base_ee[:3, 3], *quaternion_from_rotation(T_base_ee[:3, :3])], DIGITS).tolist()
         point = np.round((T_base_ee @ T_ee_k)[:3, 3], DIGITS).tolist()
         force = np.round(force, FORCE_DIGITS).tolist()
         return {"hand": {"parent": self._base, "pose": pose, "point": point, "force": force}}

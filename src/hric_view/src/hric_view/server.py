@@ -291,8 +291,7 @@ class ViewServer:
         if self._receiver is None:
             return False
         try:
-            message = from_text(text)
-            self._receiver.receive(viewer, message)
+            self._receiver.receive(viewer, from_text(text))
         except ForeignMessageError:
             return False
         except HricError as error:

@@ -124,8 +124,7 @@ def run(values: Mapping[str, float]) -> str:
         verdict = assess(observations.verdict_input, muscles=False)
         robots = scene_of(observations, HumanSettings.of(definition.human or {}, "human"))
     notes = [f"The run ended early: {error}"] if error else []
-    part = Figures(list(figures_of(verdict)), values)
-    return page.scene_message(robots, [part], notes=notes, live=False)
+    return page.scene_message(robots, [Figures(list(figures_of(verdict)), values)], notes=notes, live=False)
 
 
 def scene_of(observations: Observations, settings: HumanSettings) -> list[SceneRobot]:

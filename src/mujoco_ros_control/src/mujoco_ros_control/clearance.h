@@ -105,7 +105,8 @@ static double apart(const mjModel *m, const mjData *d, int a, int b, double enou
             w[i] += (k == 0 ? -0.5 : 0.5) * axis[k][i];
         }
     }
-    return sqrt(segments_apart(w, axis[0], axis[1])) - radius[0] - radius[1];
+    double at[2];
+    return sqrt(segments_apart(w, axis[0], axis[1], at)) - radius[0] - radius[1];
 }
 
 /* Compute the free space from the present places of the shapes, after a search that found no contact. */

@@ -105,13 +105,11 @@ class MujocoPenaltyContact:
         law, friction = first.law
         normal = faces.mean_normal([(shape.depth, shape.normal) for shape in near])
         corners = [corner for shape in near for corner in self._corners(shape)]
-        at_first = self._relative(bodies, corners[0].position)
-        angular, linear = (at_first @ speeds).reshape(2, 3)
+        angular, linear = (self._relative(bodies, corners[0].position) @ speeds).reshape(2, 3)
         pace, lever = float(linear @ normal), cross(normal, angular)
         closing = [-pace - float((corner.position - corners[0].position) @ lever) for corner in corners]
         # Time to the middle of the step; semi-implicit positions are already there.
-        ahead = 0.0 if scene.semi_implicit else 0.5 * self._step
-        position, depth = faces.centre(corners, closing, ahead)
+        position, depth = faces.centre(corners, closing, 0.0 if scene.semi_implicit else 0.5 * self._step)
         J = self._relative(bodies, position)[3:]
         row = normal @ J
         speed = -float(row @ speeds)

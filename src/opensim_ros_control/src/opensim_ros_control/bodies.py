@@ -37,8 +37,7 @@ class Kinematics:
 
     def carrier(self, frame: opensim.Frame) -> tuple[int, FloatArray]:
         """Return (number of the body to which a frame is fixed, pose of the frame in that body, shape (4, 4))."""
-        base = opensim.PhysicalFrame.safeDownCast(frame.findBaseFrame())
-        number = int(base.getMobilizedBodyIndex())
+        number = int(opensim.PhysicalFrame.safeDownCast(frame.findBaseFrame()).getMobilizedBodyIndex())
         return number, matrix(frame.findTransformInBaseFrame())
 
     def body(self, number: int) -> opensim.PhysicalFrame:

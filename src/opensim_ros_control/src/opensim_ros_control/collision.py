@@ -91,9 +91,7 @@ class Collisions:
         spent = np.zeros(1) if self._last is None else self._path @ np.abs(q - self._last)
         self._slack -= spent
         self._last = q
-        if self._slack.min() >= 0.0:
-            return []
-        return np.flatnonzero(self._slack < AT_ONCE * spent).tolist()
+        return [] if self._slack.min() >= 0.0 else np.flatnonzero(self._slack < AT_ONCE * spent).tolist()
 
     def meetings(
         self, near: Sequence[int], body_pose: Callable[[int], FloatArray], areas: Callable[[Collider, Collider], bool]

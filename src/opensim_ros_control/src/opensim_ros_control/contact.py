@@ -172,9 +172,7 @@ class RigidContact:
 
     def _min_speed(self, depth: float) -> float:
         """Return the speed along the normal [m/s] that a point of this depth [m] must at least have after the step."""
-        if depth <= 0.0:
-            return depth / self._dt
-        return min(RETURN * depth / self._dt, RETURN_SPEED)
+        return depth / self._dt if depth <= 0.0 else min(RETURN * depth / self._dt, RETURN_SPEED)
 
 
 @dataclass(frozen=True)
@@ -313,9 +311,7 @@ def _sweeps(
             change, largest = max(change, abs(new - old)), max(largest, new)
             if mu > 0.0:
                 change = max(change, _rub(A, free, f, i, mu * new))
-        if n == 3 and friction[0] == 0.0:
-            break
-        if change <= _TOLERANCE * largest:
+        if (n == 3 and friction[0] == 0.0) or change <= _TOLERANCE * largest:
             break
     return f
 

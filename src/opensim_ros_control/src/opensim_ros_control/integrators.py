@@ -140,8 +140,7 @@ class OwnSteps:
         y2 = advanced(y, 0.5 * dt, rate1)
         rate2 = rate(y2, dynamics.evaluate(y2, tau))
         y3 = advanced(y, 0.75 * dt, rate2)
-        rate3 = rate(y3, dynamics.evaluate(y3, tau))
-        return IntegrationStep(ralston(y, dt, rate1, rate2, rate3), x1)
+        return IntegrationStep(ralston(y, dt, rate1, rate2, rate(y3, dynamics.evaluate(y3, tau))), x1)
 
 
 class ManagerSteps:

@@ -161,7 +161,8 @@ class OpenSimRobot(EngineRobot):
 
     def mass_matrix(self) -> FloatArray:
         """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
-        return self.synchronised().mass_matrix()[np.ix_(self._indices, self._indices)]
+        M = self.synchronised().mass_matrix().reshape(self.engine.nu, -1)  # OpenSim's view of 1 x 1 has one dimension
+        return np.asarray(M[np.ix_(self._indices, self._indices)])
 
     def put_coordinates(self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float]) -> None:
         """Set positions q and velocities dq of some coordinates, by index."""

@@ -6,19 +6,20 @@ import re
 import sys
 import threading
 import types
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache, partial
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import Any
 from xml.dom import Node, minidom
-from xml.parsers.expat import ExpatError
 
 from hric_core import resources
 from hric_core.command import Argument, Command
 from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
+from hric_core.kept import CacheEntry, cache_folder
 from hric_core.parameters import Parameter, Settings, choice, declared, flag, number, numbers, refused, text
 from panda_description.inertial_sets import INERTIAL_SETS, unphysical
 from panda_description.parameters import LIMIT_SETS, LOG, PACKAGE, find_package, folder_uri, share
@@ -134,7 +135,21 @@ def load(**arguments: Any) -> str:
 def _described(values: Arguments, mesh_folder: str) -> str:
     mappings = {name: _text(value) for name, value in asdict(values).items() if name != "meshes"}
     mappings["mesh_folder"] = mesh_folder
-    return _pure(process_xacro(share() / "urdf" / "panda.urdf.xacro", mappings), values.arm_id)
+    entry = CacheEntry(cache_folder("descriptions"), _sources(mappings), ".urdf")
+    if (kept := entry.read()) is not None:
+        return kept.decode()
+    described = _pure(process_xacro(share() / "urdf" / "panda.urdf.xacro", mappings), values.arm_id)
+    entry.write(described.encode())
+    return described
+
+
+def _sources(mappings: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield everything on which the description depends: arguments, xacro files, their YAML files, and the programs."""
+    yield repr([sys.version_info[:2], sorted(mappings.items())]).encode()
+    found = find_spec("xacro")
+    programs = [Path(__file__), *([Path(found.origin)] if found and found.origin else [])]
+    for path in [*programs, *sorted(share().glob("urdf/*")), *sorted(share().glob("config/*.yaml"))]:
+        yield path.read_bytes()
 
 
 def arguments() -> dict[str, DescriptionArgument]:
@@ -189,7 +204,9 @@ def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
         xacro = xacro_module()
         try:
             document: minidom.Document = xacro.process_file(str(path), mappings=mappings)
-        except (xacro.XacroException, ExpatError) as error:
+        except RecursionError as error:
+            raise DescriptionError(f"{path.name}: a file includes itself or a macro calls itself") from error
+        except Exception as error:  # xacro raises errors of any type, e.g. UnicodeDecodeError
             raise DescriptionError(f"{path.name}: {'; '.join(str(error).splitlines())}") from error
     return document
 

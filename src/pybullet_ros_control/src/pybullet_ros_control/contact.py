@@ -243,8 +243,7 @@ def solids(body: LoadedBody, index: int, engine: PhysicsClient) -> list[faces.So
     data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=engine.client)
     shapes = []
     for shape in data:
-        T = homogeneous(rotation_from_quaternion(shape[6]), shape[5])
-        solid = _solid(shape[2], shape[3], T)
+        solid = _solid(shape[2], shape[3], homogeneous(rotation_from_quaternion(shape[6]), shape[5]))
         if solid is None and shape[2] == pybullet.GEOM_MESH and len(data) == 1 and body.model is not None:
             corners = body.model.hulls[body.link_names[index]]
             solid = faces.Solid("hull", (), inverse(engine.inertial_frame(body, index)), corners)

@@ -366,6 +366,17 @@ static PyObject *dynamics_rotor_efforts(Dynamics *self, PyObject *dq)
     return list(effort, n);
 }
 
+static PyObject *dynamics_mass_matrix(Dynamics *self, PyObject *q)
+{
+    const int n = self->n;
+    double M[n > 0 ? n * n : 1];
+    if (!take(q, n, self->q))
+        return NULL;
+    place_tree(&self->tree, self->q);
+    tree_mass_matrix(&self->tree, M);
+    return list(M, (Py_ssize_t)n * n);
+}
+
 static PyObject *dynamics_mobility(Dynamics *self, PyObject *q)
 {
     const int n = self->n;
@@ -512,6 +523,7 @@ static PyMethodDef dynamics_methods[] = {
     {"forget", (PyCFunction)dynamics_forget, METH_NOARGS, "clear the memory of the previous step"},
     {"rotor_efforts", (PyCFunction)dynamics_rotor_efforts, METH_O,
      "(dq at the end of the step) -> efforts that accelerated the rotors in it"},
+    {"mass_matrix", (PyCFunction)dynamics_mass_matrix, METH_O, "(q) -> mass matrix of the links, row-major"},
     {"mobility", (PyCFunction)dynamics_mobility, METH_O, "(q) -> inverse mass matrix of the links, row-major"},
     {"motion", FAST(dynamics_motion),
      "(q, dq, joint, frame) -> position, quaternion, linear, angular velocity of a frame on the link behind a joint"},

@@ -88,6 +88,9 @@ class CompiledDynamics(Protocol):
     def forget(self) -> None:
         """Clear the memory of the previous step, after the state was set from outside."""
 
+    def mass_matrix(self, q: Vector, /) -> list[float]:
+        """Return the mass matrix of the links at q, without mimic laws, n x n floats, row-major [kg m^2]."""
+
     def mobility(self, q: Vector, /) -> list[float]:
         """Return the inverse mass matrix of the links at q, with mimic laws, n x n floats, row-major [1/(kg m^2)]."""
 
@@ -204,5 +207,4 @@ def frame_of(model: EngineModel, joints: Sequence[str], T_world_base: FloatArray
     top = model.tops[link]
     if top.body_link == model.base:
         return -1, pose_row(T_world_base @ top.T_body_frame)
-    child = [model.joints[name].child for name in joints]
-    return child.index(top.body_link), pose_row(top.T_body_frame)
+    return [model.joints[name].child for name in joints].index(top.body_link), pose_row(top.T_body_frame)

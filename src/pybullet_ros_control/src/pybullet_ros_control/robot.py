@@ -98,7 +98,18 @@ class PybulletRobot(EngineRobot):
 
     def mass_matrix(self) -> FloatArray:
         """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
-        return np.array(pybullet.calculateMassMatrix(self.body.id, self.q, physicsClientId=self.engine.client))
+        try:
+            return np.array(pybullet.calculateMassMatrix(self.body.id, self.q, physicsClientId=self.engine.client))
+        except SystemError:  # for an impossible inertia, PyBullet has none
+            return self._links_matrix()
+
+    def _links_matrix(self) -> FloatArray:
+        return np.array(self.dynamics.mass_matrix(self.q)).reshape(len(self.q), -1)
+
+    def check_inertia(self) -> None:
+        """Check the inertia of the joints, also without the rotors, as the engine moves the links alone."""
+        for rotors in (True, False):
+            self._check_positive(self._links_matrix(), rotors)
 
     # -- setting the state ---------------------------------------------------------------------------------------------
 

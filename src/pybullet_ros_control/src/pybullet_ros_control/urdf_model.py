@@ -32,6 +32,8 @@ PIECE = 8191
 
 It splits a longer line into pieces of this length, even inside a number. Source: measured with PyBullet 3.2.7.
 """
+NAME = 1023 + len('name=""')
+"""Maximum length of a name, as an attribute [bytes]; PyBullet crashes with a longer one. Source: measured."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +124,11 @@ def _lines(element: Element) -> Iterator[str]:
     yield f"<{element.tag}"
     for name, value in element.attrib.items():
         line = f'{name}="{escape(value)}"'
-        if (size := len(line.encode())) >= PIECE:
+        limit = NAME if name == "name" else PIECE - 1
+        if (size := len(line.encode())) > limit:
             raise DescriptionError(
                 f"{name} of <{element.tag}>: {size} bytes ({line[:40]}...); PyBullet reads an attribute of at most "
-                f"{PIECE - 1} bytes"
+                f"{limit} bytes"
             )
         yield line
     yield ">"

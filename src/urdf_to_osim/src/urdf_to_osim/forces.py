@@ -129,5 +129,4 @@ def _set_mimic_defaults(model: opensim.Model, plan: ConversionPlan) -> None:
 
     for joint in described.values():
         if joint.mimic is not None and joint.type in ONE_COORDINATE:
-            coordinate = model.updJointSet().get(plan.joints[joint.name]).upd_coordinates(0)
-            coordinate.setDefaultValue(start(joint))
+            model.updJointSet().get(plan.joints[joint.name]).upd_coordinates(0).setDefaultValue(start(joint))

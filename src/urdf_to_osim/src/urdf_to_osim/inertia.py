@@ -85,10 +85,10 @@ def settled(name: str, body: MassProperties, choice: str) -> tuple[MassPropertie
         DescriptionError: the inertia is impossible and must be corrected by the user; the text says how.
     """
     reason = fault(body)
+    if choice == "keep" and body.mass > 0.0:
+        return as_point(body), f"link {name}: {reason}; kept as it is" if reason else ""
     if not reason:
         return body, ""
-    if choice == "keep" and body.mass > 0.0:
-        return body if not _has_none(body) else as_point(body), f"link {name}: {reason}; kept as it is"
     if choice in ("refuse", "keep"):
         raise DescriptionError(f"link {name}: {reason}; correct its <inertial>, or convert with inertia repair")
     mended, what = repaired(body)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import exp, isfinite, pi, tanh
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.transforms import check_transform
+from franka_hw_interface.transforms import check_frame
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.estimates import ExternalTorque
@@ -148,12 +148,12 @@ class ConfiguredBox:
     def set_NE_T_EE(self, NE_T_EE: Floats) -> RequestOutcome:
         """Set the end effector in the nominal end-effector frame, 16 floats, column-major."""
         return self._set_model(
-            "set_NE_T_EE", lambda: self.model.set_ee(self.model.F_T_NE @ check_transform(NE_T_EE, "NE_T_EE"))
+            "set_NE_T_EE", lambda: self.model.set_ee(self.model.F_T_NE @ check_frame(NE_T_EE, "NE_T_EE"))
         )
 
     def set_EE_T_K(self, EE_T_K: Floats) -> RequestOutcome:
         """Set the stiffness frame in the end-effector frame, 16 floats, column-major."""
-        return self._set_model("set_EE_T_K", lambda: self.model.set_stiffness_frame(check_transform(EE_T_K, "EE_T_K")))
+        return self._set_model("set_EE_T_K", lambda: self.model.set_stiffness_frame(check_frame(EE_T_K, "EE_T_K")))
 
     def set_joint_impedance(self, K_theta: Floats) -> RequestOutcome:
         """Set the stiffness of the internal joint impedance, 7 floats [N m/rad]."""

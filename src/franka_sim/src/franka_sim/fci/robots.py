@@ -54,9 +54,8 @@ class RobotKind:
 
 
 def _joint(root: ElementTree.Element, name: str) -> ElementTree.Element:
-    for joint in root.iterfind("joint"):
-        if joint.get("name") == name:
-            return joint
+    if joints := [joint for joint in root.iterfind("joint") if joint.get("name") == name]:
+        return joints[0]
     raise DescriptionError(f"the robot description has no joint {name}")
 
 

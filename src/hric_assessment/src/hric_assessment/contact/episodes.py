@@ -53,6 +53,11 @@ OFF_BEAT = 2
 
 Project default.
 """
+UNEQUAL = 1.5
+"""Smallest ratio of the largest to the smallest step of a force that the sensor's resolution does not explain [1].
+
+Project default.
+"""
 Samples = tuple[RegionContact, FloatArray, FloatArray, BoolArray]
 """Contact, with its ascending times [s], its forces [N] and True for each usable sample, shape (n,) each."""
 
@@ -207,6 +212,8 @@ def resolved(contact: RegionContact, period: float) -> bool:
     if not len(time):
         return False
     beat = _period(time)
+    if repetitions(contact.series.force) * beat > period * (1.0 + RATE_TOLERANCE) >= beat:
+        return False
     if beat <= period * (1.0 + RATE_TOLERANCE):
         return True
     stated = np.concatenate([[contact.begin, end_of(contact)], contact.series.reached_time])
@@ -214,6 +221,16 @@ def resolved(contact: RegionContact, period: float) -> bool:
     if any(_off(instant - time[0], period) for instant in (*time, *off_beat)):
         return False
     return 1 + int((np.diff(off_beat) > SAME_INSTANT).sum()) >= OFF_BEAT
+
+
+def repetitions(force: FloatArray) -> int:
+    """Return how often each sample is repeated: 1, or more if the sensor is slower than its messages.
+
+    Steps of equal size do not count: a sensor with a coarse resolution shows them when the force changes slowly.
+    """
+    steps = np.abs(np.diff(force))
+    at = np.flatnonzero(steps > 0.0)
+    return 1 if len(at) < 2 or steps[at].max() < UNEQUAL * steps[at].min() else int(np.diff(at).min())
 
 
 def _period(time: FloatArray) -> float:
@@ -302,8 +319,14 @@ def _doubts(
     bad = ~(_usable(contact) & np.isfinite(series.reached) & (series.reached >= 0.0))
     if (series.force > series.reached * (1.0 + RATE_TOLERANCE)).any():
         doubts.append("a force exceeds the peak stated in the same message")
-    if contact.impulse is not None and not contact.impulse >= 0.0:
-        doubts.append("the contact's impulse is NaN or negative")
+    for name, value in (("impulse", contact.impulse), ("energy", contact.energy)):
+        if value is not None and not value >= 0.0:
+            doubts.append(f"the contact's {name} is NaN or negative")
+    peak, longest = _largest(contact), contact.duration + 2.0 * min(_period(np.unique(series.time)), CLOCKS)
+    if contact.impulse is not None and contact.impulse > (1.0 + RATE_TOLERANCE) * peak * max(longest, 0.0):
+        doubts.append(f"the contact's impulse of {contact.impulse:.3g} N s needs a larger force than the recorded one")
+    if not bad.any() and not peak > 0.0:
+        doubts.append("no force is measured: it is 0 N during the whole contact")
     if bad.any():
         doubts.append(f"{int(bad.sum())} of {len(bad)} forces are NaN, infinite or negative")
     stated = contact.begin + series.since_begin

@@ -38,11 +38,11 @@ class InstantScore:
         """
         if not all(map(math.isfinite, q)):
             raise HricError(f"the posture has joint positions that are not finite: {list(q)}; valid: finite numbers")
-        posture = of_joints(self._joints, np.array([q]), self._side)
+        posture = of_joints(self._joints, np.array(q), self._side)
         if not self._method.by_table:
             return int(self._method.score(posture, self._task).score[0])
         angles = ((getattr(posture, name), bounds) for name, bounds in self._thresholds)
-        key = tuple([-1 if angle is None else bisect_right(bounds, float(angle[0])) for angle, bounds in angles])
+        key = tuple([-1 if angle is None else bisect_right(bounds, angle) for angle, bounds in angles])
         score = self._scores.get(key)
         if score is None:
             score = self._scores[key] = int(self._method.score(posture, self._task).score[0])

@@ -197,7 +197,7 @@ def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
 
     Args:
         names: names of the joints, for example "right_el_flex".
-        q: joint positions, shape (n, j) [rad].
+        q: joint positions, shape (n, j), or (j,) for one instant [rad].
         side: side of the arm, "right" or "left".
 
     Raises:

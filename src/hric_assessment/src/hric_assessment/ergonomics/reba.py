@@ -55,8 +55,7 @@ def _coupling(scorer: Scorer, table: RebaTable, coupling: str | None) -> IntArra
         scorer.known.assume(f"coupling is not known: assumed {table.couplings[0]}")
     points = table.couplings.index(coupling or table.couplings[0])
     reasons = [f"{name} coupling" for name in table.couplings]
-    case = np.full(scorer.known.count, points)
-    return scorer.cases("coupling", range(len(reasons)), reasons, case)
+    return scorer.cases("coupling", range(len(reasons)), reasons, np.full(scorer.known.count, points))
 
 
 def _activity(scorer: Scorer, table: RebaTable) -> IntArray:

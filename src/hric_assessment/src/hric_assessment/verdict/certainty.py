@@ -105,9 +105,7 @@ class Certainty:
     @property
     def interval(self) -> str:
         """Sentence with the range of the value within the ranges of unconfirmed numbers; no confidence interval."""
-        form = ".3f" if self.unit == "m" else ".3g"
-        if self.question == POSTURE:
-            form = ".0f"
+        form = ".0f" if self.question == POSTURE else ".3f" if self.unit == "m" else ".3g"
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.quantity} {self.low:{form}} to {self.high:{form}}{unit} within the ranges of unconfirmed numbers"
 

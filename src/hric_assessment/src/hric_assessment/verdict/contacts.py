@@ -21,7 +21,7 @@ from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.impacts import ExpectedImpacts
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
-from hric_bags.records.human_record import HumanRecord
+from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.records.region_contacts import ContactStream
 from hric_core.errors import HricError
 from hric_human.contact import RegionContact
@@ -35,6 +35,10 @@ SILENT_GAP = 0.075
 
 It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
+HAND = "hand, fingers"
+"""Region of a grip by a link whose regions are not known."""
+BEYOND = "no source gives a limit for a grip above that of a quasi-static contact"
+GRIP_REMEDY = "judge the grip by other means, or repeat the task with less force"
 NOT_VARIED = (
     "the peak force is not that of an impact in closed form: how masses and stiffness would change it is not known"
 )
@@ -51,8 +55,9 @@ def contact_findings(source: AssessmentInput, choices: AssessmentChoices) -> lis
     findings = [finding for record in humans.values() for finding in _of_person(source, record, choices)]
     on_camera = (source.definition.get("mocap") or {}).get("human")
     for topic in source.recording.people:
-        if not (humans and on_camera):  # otherwise the tracked person is the simulated one
-            findings.append(_not_recorded(source, choices, topic.rpartition("/")[0]))
+        name = topic.rpartition("/")[0]
+        if name not in humans and not (humans and on_camera):  # otherwise the tracked person is the simulated one
+            findings.append(_not_recorded(source, choices, name))
     return findings or [_not_recorded(source, choices, "")]
 
 
@@ -90,6 +95,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
     for contact in record.region_contacts:
         regions.setdefault(_region_key(contact), []).append(contact)
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
+    findings += [finding for grip in record.grips.values() if (finding := judge.of_grip(grip)) is not None]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
         rest = _rest(source, record, evidence, lost, remedy, choices)
@@ -155,8 +161,7 @@ def _rest(
     reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
     finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=CONTACT, evidence=evidence)
     if lost:
-        outcome = Outcome.NOT_ASSESSABLE
-        finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
+        finding = replace(finding, outcome=Outcome.NOT_ASSESSABLE, share=None, reason=lost, remedy=remedy)
     return replace(finding, person=record.name)
 
 
@@ -203,6 +208,21 @@ class _Judge:
         for episode in episodes(sprung, self._period, until):
             findings += [finding.marked_near_limit() for finding in self._with_force(episode)]
         return findings
+
+    def of_grip(self, grip: GripRecord) -> Finding | None:
+        """Return the finding that a grip's force is unknown or above the limit of a held contact; None: it is below."""
+        of_link, links = {} if self._body is None else self._body.regions, (grip.holder, grip.held)
+        found = [region.name for body in links for region in of_link.get(body.rpartition("::")[2], ())]
+        limit, force = self._choices.limits.at(found or [HAND]), np.linalg.norm(grip.force[grip.closed], axis=1)
+        if limit is None or (force <= limit.force.quasi_static).all():
+            return None
+        time, name = grip.time[grip.closed], self._record.name
+        reason = f"the grip force reaches {force.max():.1f} N, limit {limit.force.quasi_static:.1f} N ({limit.force.label}); {BEYOND}"
+        return Finding(
+            f"grip {grip.name} of {grip.held} by {grip.holder}", Outcome.NOT_ASSESSABLE, reason,
+            self._choices.limits.table.name, window=(float(time[0]), float(time[-1])), signals=(f"{name}/grip",),
+            regions=tuple(found), group=CONTACT, person=name, remedy=GRIP_REMEDY,
+        )  # fmt: skip
 
     def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:
         """Return one finding for all contacts of two bodies that have no meaningful force."""

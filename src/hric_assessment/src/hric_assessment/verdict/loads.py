@@ -44,8 +44,7 @@ class Loads:
         """Return the muscle activation over time as a curve of the verdict; None: not known."""
         if self.activation is None:
             return None
-        worst = np.nan_to_num(self.activation.values).max(axis=1)
-        rows = thinned(self.activation.time, worst)
+        rows = thinned(self.activation.time, np.nan_to_num(self.activation.values).max(axis=1))
         columns = self.activation.values[rows].T.tolist()
         return ActivationCurve(self.activation.names, self.activation.time[rows].tolist(), columns)
 
@@ -127,8 +126,7 @@ def _active(columns: Columns, note: str, brief: bool = False) -> list[UnjudgedVa
     figures = [UnjudgedValue("muscles", "largest activation", float(largest.max()), "1", f"{strongest}; {note}")]
     if brief:
         return figures
-    known = np.isfinite(a).any(axis=1)
-    highest = np.nanmax(a[known], axis=1)
+    highest = np.nanmax(a[np.isfinite(a).any(axis=1)], axis=1)
     figures.append(UnjudgedValue("muscles", "mean activation of all muscles", float(np.nanmean(a)), "1", note))
     for name in ("active", "very_active"):
         level = table.values[name]

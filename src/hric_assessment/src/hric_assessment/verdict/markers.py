@@ -51,7 +51,7 @@ def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[
     """Return joint angles and root pose from motion capture frames in a bag; None: it lacks the person's markers."""
     body, calibrated = settings.known()
     tracker, rows = PersonTracker(body, settings.worn), PersonMarkers(settings.worn, settings.labels, settings.asset)
-    frame = ["mocap"]
+    found = dict[str, None]()
     with opened(bag) as reader:
 
         def frames() -> Iterator[Frame]:
@@ -60,10 +60,10 @@ def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[
                 clock.note(connection, raw)
                 if thinning.due(connection.topic, raw) and stamp_of(raw) > newest:  # the tracker needs them in order
                     message, newest = reader.deserialize(raw, connection.msgtype), stamp_of(raw)
-                    frame[0] = str(message.header.frame_id).strip("/")
+                    found[str(message.header.frame_id).strip("/")] = None
                     yield signals.robot_time(seconds(message.header.stamp)), rows.positions(message)
 
-        states, root = tracked(frames(), tracker, "markers", lambda: frame[0], calibrated)
+        states, root = tracked(frames(), tracker, "markers", lambda: " and ".join(found), calibrated)
     return (states, root) if len(states.time) else None
 
 

@@ -86,14 +86,14 @@ def moment(
     root = None if person.root is None else person.root.transforms
     q = np.nan_to_num(person.q)
     ends = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, root)(time)
-    if not np.isfinite(ends).all():
-        return None
     log, at = source.recording.log, 0
     marked: tuple[list[int], list[int]] = [], _of_arm(person, conclusion)
     arm_ends = np.empty((len(time), 0, 2, 3))
     if log is not None and source.description and root is not None:
         motion, _ = source.arm(log)
         arm, arm_ends = motion.capsules, motion(time) if motion.capsules.links else arm_ends
+    if not (np.isfinite(ends).all() and np.isfinite(arm_ends).all()):
+        return None
     if arm.links and conclusion.question != POSTURE:
         gaps = distances(arm_ends, arm.radii, ends, body.radii)
         gaps[:, :, ~_concerned(person, body, regions)] = np.inf

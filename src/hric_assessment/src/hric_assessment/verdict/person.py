@@ -81,8 +81,9 @@ class AssessedPerson:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """Sides of the arms whose elbow angle is known."""
-        return tuple(side for side in ("right", "left") if f"{side}_el_flex" in self.names)
+        """Sides of the arms that the body has, even if none of their angles is known."""
+        joints = {*self.body.joints, *self.names}
+        return tuple(side for side in ("right", "left") if any(name.startswith(f"{side}_sh_") for name in joints))
 
     def summary(self) -> PersonSummary:
         """Return the description of the person for the verdict."""
@@ -206,8 +207,8 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
 
 
 def _residual(tracked: TrackedRoot) -> float:
-    """Return the 95th percentile of the tracker's residuals [m]; infinite if none is known."""
-    known = tracked.residual[np.isfinite(tracked.residual)]
+    """Return the 95th percentile of the tracker's residuals [m]; infinite if none is known. A residual of 0 is not known."""
+    known = tracked.residual[np.isfinite(tracked.residual) & (tracked.residual > 0.0)]
     return float(np.percentile(known, 95.0)) if len(known) else float("inf")
 
 

@@ -107,7 +107,7 @@ def task_of(
 
 
 def spread_of(person: AssessedPerson, side: str) -> dict[str, Spread]:
-    """Return the uncertainty (half-width) of each posture angle of a tracked person [rad]; empty for other persons.
+    """Return the uncertainty (half-width) of each posture angle of a tracked person [rad]; empty: none is known.
 
     If the standard deviation of each joint angle is known, it is a 95 % interval for each instant, shape (n,).
     Otherwise it is one value for the recording:
@@ -119,7 +119,7 @@ def spread_of(person: AssessedPerson, side: str) -> dict[str, Spread]:
     """
     if person.deviation is not None:
         return _spread_over_time(person, person.deviation, side)
-    if not person.uncertainty > 0.0:
+    if not 0.0 < person.uncertainty < np.inf:
         return {}
     width = {name: COVERAGE * math.degrees(value) for name, value in tracked_deviations(person).items()}
     joints = MIDDLE | {angle: f"{side}_{name}" for angle, name in (JOINTS | {"knee_flexion": "knee_flex"}).items()}

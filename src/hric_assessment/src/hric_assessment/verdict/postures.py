@@ -49,6 +49,7 @@ class ArmScores:
         worst: highest scores, with the least favourable value of each unknown angle, shape (n,).
         unknown: angles that the table needs and that are never known.
         vertical: True if the trunk angles are to the vertical, False if they are to the pelvis.
+        accurate: False if the uncertainty of the angles is not known.
         evidence: how much of the recording all other angles are known for.
     """
 
@@ -59,6 +60,7 @@ class ArmScores:
     worst: IntArray
     unknown: tuple[str, ...]
     vertical: bool
+    accurate: bool
     evidence: Evidence
 
     @property
@@ -78,8 +80,11 @@ class ArmScores:
     @property
     def worst_lasting(self) -> int:
         """Score that would count if all unknown times had the highest score of the table."""
-        seconds = verdict_table()["lasting"] - (self.evidence.requested - self.evidence.known)
-        return lasting(self.time, self.worst, seconds) if seconds > 0.0 else int(list(self.scores.table.levels)[-1])
+        evidence, shortest = self.evidence, verdict_table()["lasting"]
+        seconds = shortest - (evidence.requested - evidence.known)
+        if seconds <= 0.0 or (evidence.requested < shortest and not evidence.complete):
+            return int(list(self.scores.table.levels)[-1])
+        return lasting(self.time, self.worst, seconds)
 
     def timeline(self) -> ScoreCurve:
         """Return the scores over time as a curve of the verdict."""
@@ -123,7 +128,9 @@ def _scored(
     unknown, known = _known(posture, method.table(), len(person.time))
     if task.load is not None:
         known &= np.isfinite(task.load)
+    accurate = person.deviation is not None or bool(np.isfinite(person.uncertainty))
     spread, open_ended = spread_of(person, side), (*unknown, *(() if vertical else INCLINATION))
+    open_ended = open_ended if accurate else ANGLES
     scores = method.score(posture, task, version, spread)
     curves: Any = {name: _bridged(getattr(scores, name), known) for name in (*CURVES, "lowest", "highest")}
     scores, worst = replace(scores, **curves), curves["highest"]
@@ -131,7 +138,7 @@ def _scored(
         spread = spread | dict.fromkeys(open_ended, np.inf)
         worst = _bridged(method.highest(posture, task, version, spread), known)
     evidence = Evidence.of(person.time, known, window, verdict_table()["max_gap"])
-    return ArmScores(key, side, person.time, scores, worst, tuple(unknown), vertical, evidence)
+    return ArmScores(key, side, person.time, scores, worst, tuple(unknown), vertical, accurate, evidence)
 
 
 def _bridged(curve: IntArray, known: BoolArray) -> IntArray:
@@ -221,6 +228,7 @@ def _judged(arm: ArmScores) -> tuple[Outcome, str]:
     outcome = Outcome.NOT_ASSESSABLE if graded(worst) == Outcome.ABOVE else Outcome.WARNING
     names = ", ".join([*arm.unknown, *["inclination of the trunk"] * arm.lacks_root])
     lacks = [f"{names} not known"] * bool(names)
+    lacks += ["the uncertainty of the angles is not known"] * (not arm.accurate)
     lacks += [f"the posture is {arm.evidence.shortfall}"] * bool(arm.evidence.shortfall)
     return outcome, f"{reason}; {AT_WORST} {worst}: {'; '.join(lacks)}"
 

@@ -50,6 +50,7 @@ class PersonSeparation:
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
         relied: True if only the distance protected the person: contacts are not judged by force, and nothing is held.
         unlogged: joints that move the arm, or another arm, and are not in the arm's log.
+        strangers: joints in the recording that are not in the robot's description.
         shapeless: links of the arm with meshes or without a collision shape, which the distances ignore.
         load: load of the arm [kg].
         unbraked: name of a robot other than Franka's whose stopping is not known; empty: known, or a Franka.
@@ -67,6 +68,7 @@ class PersonSeparation:
     evidence: Evidence
     relied: bool
     unlogged: tuple[str, ...]
+    strangers: tuple[str, ...]
     shapeless: tuple[str, ...]
     load: float
     unbraked: str
@@ -125,10 +127,9 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         raise NotAssessableError("arm and person were not recorded at the same time")
     distances = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
     speed = speeds(arm, distances.time)
-    load = held_mass(source.definition)
-    human, terms = _protective(speed, person, choices.braking, load)
+    human, terms = _protective(speed, person, choices.braking, load := held_mass(source.definition))
     notes = _notes(person, choices.braking.text(load), unknown_share)
-    relied = _relied(person, notes)
+    relied, joints = _relied(person, notes), [name for each in source.recording.mechanisms.values() for name in each]
     return PersonSeparation(
         distances,
         speed,
@@ -142,6 +143,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         _evidence(source, log, person, arm),
         relied,
         unlogged(arm.tree, log.joint_names),
+        tuple(name for name in joints if name not in arm.tree.joints),
         tuple(dict.fromkeys(left_out)),
         load,
         _unbraked(source, choices),
@@ -183,6 +185,13 @@ def _sampled(log: ControlRecord, person: AssessedPerson, time: FloatArray) -> Bo
     return sampled
 
 
+def _known(log: ControlRecord) -> BoolArray:
+    """Return True for cycles with finite positions, shape (n,), that do not repeat while the arm has a velocity."""
+    repeated = np.concatenate([[False], (np.diff(log.position, axis=0) == 0.0).all(axis=1)])
+    moves = (np.abs(log.velocity) > verdict_table()["moving"]).any(axis=1)
+    return finite_rows(log.position) & ~(repeated & moves)
+
+
 def _gaps(
     log: ControlRecord, person: AssessedPerson, window: tuple[float, float], seen: BoolArray
 ) -> list[tuple[float, float]]:
@@ -191,7 +200,7 @@ def _gaps(
     seen: True for instants of the person with valid joint angles, shape (n,).
     """
     root, longest = person.root, verdict_table()["max_gap"]
-    gaps = [*unknown(log.time, finite_rows(log.position), window, longest)]
+    gaps = [*unknown(log.time, _known(log), window, longest)]
     gaps += unknown(person.time, seen, window, longest)
     if root is not None and not root.fixed:
         gaps += unknown(root.time, finite_rows(root.pose), window, longest)
@@ -201,8 +210,7 @@ def _gaps(
 def _evidence(source: AssessmentInput, log: ControlRecord, person: AssessedPerson, arm: CapsuleMotion) -> Evidence:
     """Return the evidence of the arm's log, with the share of the arm's motion in which the person is fully known."""
     window = source.recording.begin, source.recording.end
-    finite = finite_rows(log.position)
-    evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
+    evidence = Evidence.of(log.time, _known(log), window, verdict_table()["max_gap"])
     unseen = np.zeros(len(log.time), dtype=bool)
     for begin, end in _gaps(log, person, window, finite_rows(person.q)):
         unseen |= (log.time > begin) & (log.time < end)
@@ -308,9 +316,15 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
     if approach.unlogged:
         why = f"the positions of {', '.join(approach.unlogged)} are not in the control log and are assumed to be zero"
         return why, "record a control log with all joints of the robot that can move"
+    if approach.strangers:
+        why = f"the links of joint {', '.join(approach.strangers)} are not placed: the robot's description lacks the joint"
+        return why, "record a robot description with all robots and grippers"
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
+    if person.settings is None and not any(joint.startswith("trunk") for joint in person.body.joints):
+        why = "only one or both arms of the person are recorded"
+        return why, f"record all joints of the body in {person.name}/joint_states"
     if approach.unbraked and approach.margin >= 0.0:
         why = f"how fast {approach.unbraked} stops is not known; S_p has an assumed stop"
         own = f"stops of this robot, measured or from its manual, with `robot: {approach.unbraked}`"

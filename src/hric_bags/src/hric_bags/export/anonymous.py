@@ -225,11 +225,12 @@ class Anonymiser:
         key = path[-1] if path else ""
         if key in privacy().pseudonym:
             return self.name(text)
-        if key in HASHES and re.fullmatch(r"[0-9a-f]{3,64}", text):
-            return text
-        if path[:1] == ("versions",) and _VERSION.fullmatch(text):
-            return text
-        if key == "arguments" or (self.is_public(text) and not text.startswith("/")):
+        if (
+            (key in HASHES and re.fullmatch(r"[0-9a-f]{3,64}", text))
+            or (path[:1] == ("versions",) and _VERSION.fullmatch(text))
+            or key == "arguments"
+            or (self.is_public(text) and not text.startswith("/"))
+        ):
             return text
         self._note("texts with words that are not of this project: dropped")
         return _LEFT_OUT

@@ -50,6 +50,21 @@ class SampledTopic:
         how = "as recorded" if same else f"from {self.rate:g} Hz by cubic splines"
         return f"{self._table.topic} {how}" + (f", straight lines over {self.gaps} gaps" if self.gaps else "")
 
+    def newest(self, names: Sequence[str], times: FloatArray) -> FloatArray:
+        """Return the newest sample at or before each of `times`, shape (times, names), whatever follows."""
+        columns = self._table.named()
+        data = np.column_stack([np.asarray(columns[name].values, dtype=float)[self._rows] for name in names])
+        return np.asarray(data[self._before(times)])
+
+    def how_old(self, times: FloatArray) -> str:
+        """Return a text on the samples that `newest` returns."""
+        age = float(np.max(times - self.time[self._before(times)], initial=0.0))
+        newest = f"from {self.rate:g} Hz: the newest sample at or before each frame, at most {age:.3g} s old"
+        return f"{self._table.topic} {'as recorded' if age < SAME else newest}"
+
+    def _before(self, times: FloatArray) -> FloatArray:
+        return np.maximum(np.searchsorted(self.time, times + SAME, "right") - 1, 0)
+
     def _nearest(self, times: FloatArray) -> FloatArray:
         after = (
             np.clip(np.searchsorted(self.time, times), 1, max(len(self.time) - 1, 1))

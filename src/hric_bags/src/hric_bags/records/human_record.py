@@ -25,6 +25,7 @@ from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE = "hric_msgs/msg/HumanEvent"
+STATES_TYPE, ROOT_TYPE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
 TYPES = (GRIP_TYPE, TORQUE_TYPE, EVENT_TYPE, CONTACTS_TYPE)
 REAL = "/hric/person/"
 """Part of the names of a real person's topics, which are not those of a simulated person."""
@@ -164,9 +165,8 @@ class HumanMessages:
 
     def takes(self, topic: str, kind: str) -> bool:
         """Return True if messages of a topic and type are collected for this person."""
-        return topic in (self._states, self._torques, self._roots) or (
-            topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE)
-        )
+        kinds = {self._states: STATES_TYPE, self._torques: TORQUE_TYPE, self._roots: ROOT_TYPE}
+        return kinds.get(topic) == kind or (topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE))
 
     def note(self, connection: Any, raw: bytes) -> None:
         """Count a contact message, even one that `due` leaves out; raw: serialised message."""

@@ -87,6 +87,11 @@ class RecordedJointStates:
         self._last = b""
         self._changes: deque[int] = deque(maxlen=SWITCHES + 1)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all joints."""
+        return tuple(dict.fromkeys(name for body in self._bodies.values() for name in body.names))
+
     def note(self, connection: Any, raw: bytes) -> None:
         """Check the next serialised message.
 

@@ -5,7 +5,7 @@ Streams are stored at a limited rate, so that an hour fits into memory.
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from hric_bags.reader import (
     robot_time_of,
     seconds,
 )
+from hric_bags.records import one_publisher
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
@@ -31,6 +32,7 @@ from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, RisingS
 from hric_bags.records.rows import Thinning, in_order, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_core.geometry import Pose, normalized
+from hric_core.geometry.poses import difference
 from hric_human.body import Body
 
 RATE = 100.0
@@ -46,6 +48,10 @@ NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_na
 """Message type -> field with names of joints or muscles, which must be unique in each message that is read."""
 ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
 """Message types that only one node may publish on one topic."""
+MOVED = 1e-3
+"""Largest difference of the poses of a frame that does not move [m], [rad] (project default)."""
+LOST = "lost"
+"""State of a tracked person whose pose in the message is not known."""
 SLACK = 1.0
 """Time by which a bag may begin before, and end after, the samples of arm and persons without extending them [s].
 
@@ -76,7 +82,7 @@ class TrackedRoot:
 
     Attributes:
         topic: source topic.
-        frame: tf frame in which the pose is given.
+        frame: tf frame in which the pose is given; of several in a recording, all of them.
         time: robot time, shape (n,) [s].
         pose: position [m] and quaternion x y z w, shape (n, 7); NaN while the person is lost.
         residual: distance between measured and model markers, root mean square, shape (n,) [m].
@@ -114,10 +120,11 @@ class Recording:
         contact: magnitude of the contact forces between bones [N], by topic; only with an activation in the same
             namespace.
         shares: joint torques of real persons as shares of joint strength [1], by topic.
-        description: URDF of the robot; "": not in the bag.
+        description: URDF of the robot; "": not in the bag, or there are several that differ.
         safety: decisions of a supervisor; None: there was no supervisor.
-        static: poses of static tf frames in their parents, by (parent, child).
-        notes: what was assumed and left out when the markers of a trial were read, one sentence each.
+        static: poses of static tf frames in their parents, by (parent, child), without frames that have moved.
+        mechanisms: names of joints in joint states that are not those of a person, by topic.
+        notes: what was assumed and left out when the recording was read, one sentence each.
     """
 
     topics: dict[str, int]
@@ -136,6 +143,7 @@ class Recording:
     description: str = ""
     static: dict[tuple[str, str], Pose] = field(default_factory=dict)
     safety: SafetyRecord | None = None
+    mechanisms: dict[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
@@ -169,11 +177,12 @@ class _Taken:
         self._shares: dict[str, _Named] = {}
         self._roots: dict[str, _Roots] = {}
         self._pairs: dict[tuple[str, str], PairForce] = {}
-        self._static: dict[tuple[str, str], Pose] = {}
+        self._static: dict[str, tuple[str, Pose]] = {}
+        self._moved: dict[str, None] = {}
         self._safety = SafetyMessages()
         self._states: dict[str, RecordedJointStates] = {}
         self._clock = RisingStamps()
-        self.description = ""
+        self._descriptions: dict[str, None] = {}
 
     def wants(self, connection: Any) -> bool:
         if connection.msgtype == REACTIONS_TYPE:  # reactions of a robot's joints are in a namespace without muscles
@@ -181,7 +190,8 @@ class _Taken:
         kinds = (*_THINNED, LOG_TYPE, PAIRS_TYPE, EVENT_TYPE)
         if connection.msgtype in kinds or connection.topic in self._topics:
             return True
-        return str(connection.topic).endswith(("/robot_description", "/tf_static"))
+        named = {TEXT_TYPE: ("/robot_description",), STATIC_TYPE: ("/tf", "/tf_static")}
+        return str(connection.topic).endswith(named.get(connection.msgtype, ()))
 
     def note(self, connection: Any, raw: bytes) -> None:
         """Count a message, whether it is read or not, and check that joint states on its topic come from one body."""
@@ -198,6 +208,8 @@ class _Taken:
             return self._topics[connection.topic].due(connection, raw)
         if self._people.get(connection.topic, self) is None:
             return False
+        if connection.topic.endswith("/tf"):
+            return not self._static.keys().isdisjoint(_children(raw))
         return connection.msgtype not in _THINNED or self._thin.due(connection.topic, raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
@@ -223,18 +235,37 @@ class _Taken:
         elif kind in (STATE_TYPE, EVENT_TYPE):
             self._safety.add(kind, message)
         elif kind == TEXT_TYPE:
-            self.description = self.description or str(message.data)
+            self._descriptions[str(message.data)] = None
         elif kind == STATIC_TYPE:
             for transform in message.transforms:
-                q = transform.transform.rotation
-                key = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
-                if any(orientation := (q.x, q.y, q.z, q.w)):
-                    self._static[key] = Pose(xyz(transform.transform.translation), normalized(orientation))
+                self._note_frame(transform)
+
+    def _note_frame(self, transform: Any) -> None:
+        """Store the pose of a frame in its parent, or note that it has several parents or poses, or an invalid pose."""
+        parent, child = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
+        position, q = xyz(transform.transform.translation), transform.transform.rotation
+        orientation = q.x, q.y, q.z, q.w
+        if not any(orientation) or not all(map(math.isfinite, (*position, *orientation))):
+            self._moved[child] = None
+            return
+        pose = Pose(position, normalized(orientation))
+        first, T_first_child = self._static.setdefault(child, (parent, pose))
+        if first != parent or any(abs(value) > MOVED for value in difference(T_first_child, pose)):
+            self._moved[child] = None
+
+    def _described(self, joints: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+        """Return the description with the arm's joints, "" if several differ, and notes on what is not used."""
+        fitting = [text for text in self._descriptions if all(f'"{name}"' in text for name in joints)]
+        known = fitting or [*self._descriptions]
+        notes = [f"the frame {frame} has several or invalid poses in tf: it is not used" for frame in self._moved]
+        if len(known) > 1:
+            notes.append("the robot descriptions in the recording differ: none is used")
+        return known[0] if len(known) == 1 else "", tuple(notes)
 
     def _add_states(self, topic: str, message: Any) -> None:
-        if topic not in self._people:
+        if topic not in self._people and message.name:
             self._people[topic] = _Named() if JOINTS & set(message.name) else None
-        if (named := self._people[topic]) is not None:
+        if (named := self._people.get(topic)) is not None:
             named.add(message, message.name, message.position)
 
     def _check_publishers(self, reader: Bag) -> None:
@@ -260,21 +291,21 @@ class _Taken:
         """
         self._check_publishers(reader)
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
-        count = reader.message_count
-        first, last = (1e-9 * reader.start_time, 1e-9 * reader.end_time) if count else (0.0, 0.0)
+        first, last = (1e-9 * reader.start_time, 1e-9 * reader.end_time) if reader.message_count else (0.0, 0.0)
         robot_time = self._log.robot_time or (lambda stamp: stamp - first)
         pairs = [
             replace(pair, time=robot_time(pair.time), first=robot_time(pair.first), last=robot_time(pair.last))
             for _, pair in sorted(self._pairs.items())
         ]
         log = self._log.record()
+        description, notes = self._described(() if log is None else log.joint_names)
         humans = {human.name: human.record(robot_time) for human in self._humans}
         people = _columns({topic: named for topic, named in self._people.items() if named is not None}, robot_time)
         streams = [human.time for human in humans.values()] + [columns.time for columns in people.values()]
+        streams += [] if log is None else [log.time]
         streams += [human.stream.time for human in humans.values() if human.stream is not None]
-        streams = [time for time in (*streams, *([] if log is None else [log.time])) if len(time)]
         begin, end = robot_time(first), robot_time(last)
-        if streams:
+        if streams := [time for time in streams if len(time)]:
             begin = min(begin + SLACK, *(time[0] for time in streams))
             end = max(end - SLACK, *(time[-1] for time in streams))
         return Recording(
@@ -291,10 +322,23 @@ class _Taken:
             _columns(self._activation, robot_time),
             _columns(self._contact, robot_time),
             _columns(self._shares, robot_time),
-            self.description,
-            self._static,
+            description,
+            {(parent, child): T for child, (parent, T) in self._static.items() if child not in self._moved},
             self._safety.record(robot_time),
+            {topic: states.names for topic, states in self._states.items() if topic not in (*people, *self._topics)},
+            notes,
         )
+
+
+def _children(raw: bytes) -> Iterator[str]:
+    """Yield the child frames in a serialised tf2_msgs/TFMessage."""
+    at = 4
+    for _ in range(int.from_bytes(raw[:4], "little")):
+        at += 12
+        for _ in ("parent", "child"):
+            begin, at = at + 4, at + 4 + int.from_bytes(raw[at : at + 4], "little")
+        yield bytes(raw[begin:at]).decode(errors="replace").strip("/")
+        at += 56  # position and quaternion
 
 
 class _Named:
@@ -336,25 +380,26 @@ class _Roots:
 
     def __init__(self) -> None:
         self._stamps, self._rows = array("d"), array("d")
-        self._last: Any = None
+        self._frames, self._calibrated = dict[str, None](), True
 
     def add(self, message: Any) -> None:
         self._stamps.append(seconds(message.header.stamp))
-        self._rows.extend((*xyz_quaternion(message.root), message.residual))
-        self._last = message
+        pose = (math.nan,) * 7 if message.root_state == LOST else xyz_quaternion(message.root)
+        self._rows.extend((*pose, message.residual))
+        self._frames[str(message.header.frame_id).strip("/")] = None
+        self._calibrated &= bool(message.calibrated)
 
     def tracked(self, topic: str, robot_time: RobotTime) -> TrackedRoot:
         """Return the root link of the person over time."""
         time, rows = in_order(times(self._stamps, robot_time), np.array(self._rows).reshape(-1, 8))
-        frame = str(self._last.header.frame_id).strip("/")
-        return TrackedRoot(topic, frame, time, rows[:, :7], rows[:, 7], bool(self._last.calibrated))
+        return TrackedRoot(topic, " and ".join(self._frames), time, rows[:, :7], rows[:, 7], self._calibrated)
 
 
 class _ThinLog:
     """Collector of control log cycles at a limited rate [Hz]; repeated cycles are stored once."""
 
     def __init__(self, rate: float) -> None:
-        self._rate, self._slot, self._last = rate, -math.inf, -math.inf
+        self._rate, self._slot, self._last, self._rose = rate, -math.inf, -math.inf, -math.inf
         self._time = array("d")
         self._values = {name: array("d") for name in (*ARRAYS, "by_effort")}
         self._clock: list[tuple[float, float]] = []
@@ -374,6 +419,7 @@ class _ThinLog:
                 f"the joints of the control log change at {time[0]:.3f} s, from {', '.join(self._message.joint_names)} "
                 f"to {', '.join(message.joint_names)}; valid: the bag of one arm"
             )
+        self._check_clock(seconds(message.header.stamp), time[-1])
         slots = np.floor(time * self._rate + 1e-6)
         chosen = (np.diff(slots, prepend=self._slot) > 0.0) & (time > self._last)
         self._slot, self._last = max(self._slot, slots[-1]), max(self._last, time[-1])
@@ -386,6 +432,16 @@ class _ThinLog:
         if np.isfinite(time[:1]).all():
             self._clock.append((seconds(message.header.stamp), float(time[0])))
             self._message = message
+
+    def _check_clock(self, stamp: float, time: float) -> None:
+        """Raise BagError if the robot time of the last cycle [s] does not rise while the stamps [s] do."""
+        if not time <= self._last:
+            self._rose = stamp
+        elif stamp - self._rose > one_publisher.BACK_IN_TIME:
+            raise BagError(
+                f"the clock of the control log does not rise above {self._last:.3f} s, as if it stood still or a run "
+                "started again; valid: the bag of one run"
+            )
 
     @property
     def robot_time(self) -> RobotTime | None:

@@ -74,10 +74,10 @@ class RecordRows:
         self.last: Any = None
 
     def add(self, stamp: float, message: Any) -> None:
-        """Add a message, unless it has other names or lacks values; stamp: header stamp [s]."""
+        """Add a message, unless it has other names, no names or lacks values; stamp: header stamp [s]."""
         rows = {name: np.asarray(getattr(message, name), dtype=float) for name in self._values}
         names = message.name if self.last is None else self.last.name
-        if list(message.name) != list(names) or any(len(row) != len(names) for row in rows.values()):
+        if not len(names) or list(message.name) != list(names) or any(len(row) != len(names) for row in rows.values()):
             return
         self._stamps.append(stamp)
         for name, values in self._values.items():

@@ -191,8 +191,7 @@ class ControllerManager:
 
     def types(self) -> dict[str, str]:
         """Return the name of the base class of each controller type that can be loaded, by type string."""
-        names = sorted({*self._classes, *plugins.names(plugins.CONTROLLER)})
-        return dict.fromkeys(names, plugins.CONTROLLER)
+        return dict.fromkeys(sorted({*self._classes, *plugins.names(plugins.CONTROLLER)}), plugins.CONTROLLER)
 
     def statistics(self) -> Sequence[UpdateStatistics]:
         """Return statistics of the durations of the controllers' updates."""

@@ -83,8 +83,7 @@ class ManagerServices:
         )
 
     def _publish(self, time: float) -> None:
-        snapshot = self._manager.statistics()
-        self._publisher.publish(_statistics, snapshot, time)
+        self._publisher.publish(_statistics, self._manager.statistics(), time)
 
 
 def _state(status: ControllerStatus) -> Any:

@@ -59,6 +59,7 @@ class EnginePlant(DrivenPlant, Articulated):
 
     def _put(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         self.robot.put(q, [0.0] * len(q) if dq is None else dq)
+        self.robot.check_inertia()
         self._values = self.robot.joints.zeros
         self.world.forget_contacts()
 

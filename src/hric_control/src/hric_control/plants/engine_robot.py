@@ -1,15 +1,21 @@
 """Base class of the simulated robots of all engines: modes, brakes, stops and state of the joints."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+
+import numpy as np
 
 from hric_control.plant import FloatArray, Mode
 from hric_control.plants.config import PlantConfig
 from hric_control.plants.moving_joints import MovingJoints
 from hric_control.plants.stops import StopMemory
+from hric_core.errors import DescriptionError
 
 _FAR = 1e9
 """Position of a joint stop that no joint reaches, which disables the stop [rad or m]."""
+_MIN_INERTIA = 1e-11
+"""Inertia up to which a motion of the joints is resisted by nothing [kg m^2 or kg]; project default, unconfirmed."""
 
 
 class EngineRobot(ABC):
@@ -45,6 +51,22 @@ class EngineRobot(ABC):
     @abstractmethod
     def mass_matrix(self) -> FloatArray:
         """Return the engine's mass matrix of all m moving joints, without rotor inertia, shape (m, m) [kg m^2]."""
+
+    def check_inertia(self) -> None:
+        """Raise DescriptionError if no inertia resists a motion of the joints at the present positions."""
+        self._check_positive(self.mass_matrix())
+
+    def _check_positive(self, M: FloatArray, rotors: bool = True) -> None:
+        if own := sorted({*range(len(M))} - {follower for follower, *_ in self.joints.followers}):
+            J = self.joints.law_jacobian()[:, own]
+            M = M + rotors * np.diag([loss.rotor for loss in self.losses])
+            values, motions = np.linalg.eigh(J.T @ M @ J) if np.isfinite(M).all() else ([math.nan], np.eye(len(own)))
+            if not values[0] > rotors * _MIN_INERTIA:
+                joint = self.joints.joints[own[int(np.abs(motions[:, 0]).argmax())]]
+                raise DescriptionError(
+                    f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that "
+                    f"nothing resists its motion; correct <inertial> of link {joint.child} and of the links beyond it"
+                )
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
         """Set the command modes of the actuated joints."""

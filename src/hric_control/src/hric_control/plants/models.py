@@ -182,11 +182,15 @@ def moving_body(tree: Robot, link: str, total: MassProperties) -> MassProperties
         if total.inertia.any() or not any(mass is not None and mass.mass > 0.0 for mass in outer):
             raise DescriptionError(f"link {link}: it can move, but neither it nor a link fixed to it has a mass")
         total = MassProperties(TRACE, np.zeros(3), np.zeros((3, 3)))
-    return as_point(total) if np.abs(total.inertia).max() < TRACE else total
+    return as_point(total)
 
 
 def as_point(body: MassProperties) -> MassProperties:
-    """Return a body's mass properties with a very small inertia added, which makes a point mass usable in an engine."""
+    """Return a body's mass properties, with a very small inertia added if it has none about an axis.
+
+    Engines need it for point masses and thin rods."""
+    if np.abs(np.linalg.eigvalsh(body.inertia)).min() >= TRACE:
+        return body
     return MassProperties(body.mass, body.com, body.inertia + TRACE * np.eye(3))
 
 

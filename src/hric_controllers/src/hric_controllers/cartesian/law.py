@@ -192,9 +192,7 @@ class CartesianLaw:
         if self.pose is not self.target:
             moved = scale * share
             pose = poses.interpolated(self.pose, self.target, moved)
-            self.pose = (
-                self.target if moved >= 1.0 or max(map(abs, poses.difference(pose, self.target))) < 1e-9 else pose
-            )
+            self.pose = self.target if moved >= 1.0 or _equal(pose, self.target) else pose
         if self.compliance is not self.target_compliance:
             gains = self.compliance.towards(self.target_compliance, share)
             self.compliance = self.target_compliance if gains == self.target_compliance else gains
@@ -216,6 +214,13 @@ class CartesianLaw:
             *map(np.ascontiguousarray, arm[2:]),
         )
         return tau
+
+
+def _equal(a: poses.Pose, b: poses.Pose) -> bool:
+    """Return True if two poses differ by less than 1e-9 m and rad; usually the first coordinate already differs."""
+    return all(abs(x - y) < 1e-9 for x, y in zip(a.position, b.position, strict=True)) and (
+        max(map(abs, poses.difference(a, b))) < 1e-9
+    )
 
 
 def limited(tau: list[float], last: list[float], step: float) -> list[float]:

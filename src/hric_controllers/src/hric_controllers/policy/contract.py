@@ -1,7 +1,7 @@
 """Contract between a policy and the arm: fields, units and scales of its input and output. The ONNX file has it."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Self
 
@@ -9,9 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from franka_hw_interface.model import FrankaFrame, FrankaModel
+from hric_controllers.cartesian.workspace import Box
 from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray
-from hric_core.parameters import Settings, choice, listing, mapping, number, numbers, refused, section, text, whole
+from hric_core.parameters import (
+    Settings,
+    choice,
+    listing,
+    mapping,
+    names,
+    number,
+    numbers,
+    refused,
+    section,
+    text,
+    whole,
+)
 
 KEY = "hric_policy"
 """Key of the contract in the metadata of an ONNX file."""
@@ -37,6 +50,10 @@ MARGIN = 0.05
 """Distance of setpoints from the ends of the joint ranges [rad], as the motion may overshoot (project default)."""
 DAMPING = 0.01
 """Damping of the least squares, a length below which the end effector can hardly move in a direction [m]."""
+POSTURE = (0.3, -0.6, 0.2, -2.1, 0.4, 1.7, 0.5)
+"""Joint positions at which the end effectors of two robots are compared [rad] (project default)."""
+SAME = {"lower": 1e-3, "upper": 1e-3, "ee_position": 5e-3}
+"""Largest differences of two robots that count as the same, by field of `PolicyRobot` [rad], [m] (project default)."""
 Vector = npt.NDArray[np.float32]
 
 
@@ -60,6 +77,43 @@ class FieldScale(Settings):
 
 
 @dataclass(frozen=True)
+class PolicyRobot(Settings):
+    """Robot on which a policy was trained; observations and actions have the same meaning on a robot like it.
+
+    The pose of the base does not count, because goals, positions and velocities are given in the frame of the base.
+    """
+
+    arm_id: str = text(empty=False)
+    joints: tuple[str, ...] = names(7, text="names of the joints without `<arm_id>_`, in the order of their values")
+    lower: tuple[float, ...] = numbers(7, unit="rad")
+    upper: tuple[float, ...] = numbers(7, unit="rad")
+    ee_position: tuple[float, ...] = numbers(3, unit="m", text="position of the end effector at POSTURE")
+
+    @classmethod
+    def of_arm(
+        cls, arm_id: str, joints: Sequence[str], ranges: Sequence[tuple[float, float]], model: FrankaModel
+    ) -> Self:
+        """Return the description of an arm by the names and ranges [rad] of its joints and by its model."""
+        lower, upper = zip(*ranges, strict=True)
+        ee_position = model.pose(FrankaFrame.END_EFFECTOR, POSTURE)[:3, 3].tolist()
+        return cls(arm_id, tuple(joint.removeprefix(f"{arm_id}_") for joint in joints), lower, upper, ee_position)
+
+    def different(self, other: "PolicyRobot") -> list[str]:
+        """Return the names of the fields in which another robot differs; the name of the arm does not count."""
+        names = [] if self.joints == other.joints else ["joints"]
+        return names + [
+            name
+            for name, tolerance in SAME.items()
+            if not np.allclose(getattr(self, name), getattr(other, name), rtol=0.0, atol=tolerance)
+        ]
+
+
+def _shown(robot: PolicyRobot, name: str) -> str:
+    """Return the values of a field as text."""
+    return ", ".join(value if isinstance(value, str) else f"{value:.4g}" for value in getattr(robot, name))
+
+
+@dataclass(frozen=True)
 class PolicyContract(Settings):
     """Contract of a policy, read from the metadata of its ONNX file."""
 
@@ -69,6 +123,8 @@ class PolicyContract(Settings):
     action: str = choice(STREAM)
     action_scale: float = number(above=0.0, maximum=2.0, unit="m/s", text="velocity along an axis of the base for 1")
     near: float = number(above=0.0, unit="m", text="distance from the goal at which the policy has finished")
+    robot: PolicyRobot | None = section(PolicyRobot, None, text="robot of the training; none: not known")
+    goals: Box | None = section(Box, None, text="box of the goals in the training; none: not known")
     training: Mapping[str, object] = mapping(default={}, text="task, seed and steps of the training, for readers")
 
     def check(self, where: str) -> None:
@@ -78,6 +134,28 @@ class PolicyContract(Settings):
             raise refused(f"{where}fields", names, "each field once")
         offset, scale = ([x for field in self.fields for x in getattr(field, key)] for key in ("offset", "scale"))
         object.__setattr__(self, "_scaling", (np.array(offset), np.array(scale)))
+
+    def check_robot(self, arm: PolicyRobot, ignored: Collection[str] = ()) -> Box:
+        """Return the box of the goals. Raises ParameterError if the policy was trained on another or an unknown robot.
+
+        Args:
+            arm: the robot.
+            ignored: names of fields of PolicyRobot that may differ.
+        """
+        if self.robot is None or self.goals is None:
+            raise ParameterError(
+                "the robot of the policy is not known: its file has no robot and goals, as those written by older "
+                "versions; valid: the file of a new training by hric train"
+            )
+        for name in self.robot.different(arm):
+            if name not in ignored:
+                ranges = ", or other_ranges: true of the controller" if name in ("lower", "upper") else ""
+                raise ParameterError(
+                    f"the policy is of another robot: {name} of {self.robot.arm_id} in the training: "
+                    f"{_shown(self.robot, name)}, of {arm.arm_id}: {_shown(arm, name)}; valid: a policy of this robot"
+                    f"{ranges}"
+                )
+        return self.goals
 
     @property
     def size(self) -> int:

@@ -16,14 +16,14 @@ from hric_control.robot_hw import RobotHW
 from hric_controllers.cartesian.workspace import Box
 from hric_controllers.marker.parameters import Workspace
 from hric_controllers.parameters import ArmSettings
-from hric_controllers.policy.contract import Vector, moved, within
+from hric_controllers.policy.contract import PolicyRobot, Vector, moved, within
 from hric_controllers.policy.network import PolicyNetwork
 from hric_controllers.streaming.joint import JointStreamingSettings, StreamedJoints
 from hric_core import realtime, resources
-from hric_core.errors import CommandError, FailureError
+from hric_core.errors import CommandError, FailureError, ParameterError
 from hric_core.geometry import FloatArray
 from hric_core.node import Node
-from hric_core.parameters import numbers, refused, section, text, whole
+from hric_core.parameters import flag, numbers, refused, section, text, whole
 
 CYCLE = 1e-3
 """Period of the control loop of the arm [s]."""
@@ -60,6 +60,11 @@ class PolicySettings(ArmSettings):
         "of the policy; 0: the network runs in the control loop",
     )
     workspace: Box = section(Workspace)
+    other_ranges: bool = flag(
+        False,
+        text="run a policy of an arm with the same kinematics and other joint ranges, such as one of the Panda on an "
+        "FR3; setpoints stay within the ranges of this arm",
+    )
 
     def check(self, where: str) -> None:
         """Raise an error if the goal is outside the workspace."""
@@ -96,26 +101,41 @@ class PolicyController(StreamedJoints):
         super().init(robot_hw, root_node, controller_node)
         if len(self.joints) != 7:
             raise refused(controller_node.resolve("joints"), self.joints, "the 7 joints of the arm")
+        self._goals = self._checked_goals()
+        if settings.goal is not None and not self._goals.contains(settings.goal):
+            raise refused(controller_node.resolve("goal"), settings.goal, f"a goal of the policy, {self._goals}")
         self._low, self._high = np.array(self._ranges).T
         self._goal: realtime.LatestValue[tuple[float, ...] | None] = realtime.LatestValue(None)
         self._decisions = realtime.Throttle(1.0 / contract.period)
         self._executor = ThreadPoolExecutor(1, "policy") if settings.delay else None
         controller_node.subscribe("goal", PointStamped, self._on_goal, queue_size=1)
 
+    def _checked_goals(self) -> Box:
+        """Return the box of the goals. Raises ParameterError if the policy was trained on another or an unknown robot."""
+        settings = self._policy_settings
+        arm = PolicyRobot.of_arm(settings.arm_id, self.joints, self._ranges, self._model)
+        try:
+            return self._network.contract.check_robot(arm, ("lower", "upper") if settings.other_ranges else ())
+        except ParameterError as error:
+            raise ParameterError(f"{settings.file}: {error}") from None
+
     def _on_goal(self, message: Any) -> None:
         """Check a goal and pass it to the loop. Raises CommandError if it is refused."""
         base, point = f"{self._policy_settings.arm_id}_link0", (message.point.x, message.point.y, message.point.z)
         if not self._running:
             raise CommandError("the controller is not running, the goal is ignored; start it first")
-        box = self._policy_settings.workspace
-        if message.header.frame_id.lstrip("/") not in ("", base) or not box.contains(point):
+        box, goals = self._policy_settings.workspace, self._goals
+        framed = message.header.frame_id.lstrip("/") in ("", base)
+        if not (framed and box.contains(point) and goals.contains(point)):
             raise CommandError(
-                f"goal {point} in frame {message.header.frame_id!r} refused; valid: finite numbers, in {base}, {box}"
+                f"goal {point} in frame {message.header.frame_id!r} refused; valid: finite numbers, in {base}, {goals} "
+                f"(goals of the policy), and {box} (workspace)"
             )
         self._goal.set(point)
 
     def starting(self, time: float) -> None:
-        """Hold the position until there is a goal."""
+        """Hold the position until there is a goal. Raises ParameterError if the end effector was changed."""
+        self._checked_goals()
         super().starting(time)
         self._goal.set(self._policy_settings.goal)
         self._decisions.restart()

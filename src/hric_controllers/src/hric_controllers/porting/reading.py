@@ -181,8 +181,7 @@ def read_cpp(files: Sequence[Path]) -> Source:
                 use = replace(use, type=f"{packages[use.type]}/{use.type}")
             uses.setdefault((use.kind, use.name), use)
         for found in METHOD.finditer(text):
-            end = _block_end(text, found.end() - 1)
-            first, last = _line(text, found.start(1)), _line(text, end)
+            first, last = _line(text, found.start(1)), _line(text, _block_end(text, found.end() - 1))
             methods.setdefault(found.group(1), f"{path.name}, lines {first} to {last}")
     return Source(name, plugin, tuple(uses.values()), methods, tuple(sorted(found_names - {name})))
 

@@ -252,9 +252,7 @@ class Follower:
         self._tracks, self._settled = tracks, False
 
     def _whole_revolutions(self, index: int, here: float, there: float) -> float:
-        if not self._continuous[index]:
-            return 0.0
-        return 2.0 * math.pi * round((here - there) / (2.0 * math.pi))
+        return 2.0 * math.pi * round((here - there) / (2.0 * math.pi)) if self._continuous[index] else 0.0
 
     def _stop(self, time: float) -> None:
         """Make the desired state of every joint come to rest, from `time` [s] on."""

@@ -106,10 +106,7 @@ class SplineTrack:
 
     def look(self, time: float) -> tuple[float, float, float]:
         """Return position, velocity and acceleration at any `time` [s]; may be called from any thread."""
-        for segment in self.segments:
-            if time < segment.end:
-                return segment.sample(time)
-        return self.segments[-1].sample(time)
+        return next((part for part in self.segments if time < part.end), self.segments[-1]).sample(time)
 
 
 def hold(time: float, position: float) -> SplineTrack:

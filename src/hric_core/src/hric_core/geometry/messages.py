@@ -37,8 +37,7 @@ def matrix(pose: Any) -> FloatArray:
         CommandError: a value is not finite, or the orientation is not a unit quaternion.
     """
     p, q = pose.position, pose.orientation
-    position = finite("position", p.x, p.y, p.z)
-    return homogeneous(rotation(*finite("orientation", q.x, q.y, q.z, q.w)), position)
+    return homogeneous(rotation(*finite("orientation", q.x, q.y, q.z, q.w)), finite("position", p.x, p.y, p.z))
 
 
 def pose_of(message: Any) -> Pose:

@@ -82,8 +82,7 @@ def from_elements(*R: float) -> Quaternion:
         (r02 + r20, r21 + r12, diagonal[2], r10 - r01),
         (r21 - r12, r02 - r20, r10 - r01, diagonal[3]),
     )
-    row = rows[diagonal.index(max(diagonal))]
-    x, y, z, w = row
+    x, y, z, w = rows[diagonal.index(max(diagonal))]
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     return x / norm, y / norm, z / norm, w / norm
 

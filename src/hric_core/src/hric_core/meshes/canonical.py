@@ -2,8 +2,6 @@
 
 The format is Wavefront .obj text in metres, with the scale of the robot description applied."""
 
-import hashlib
-import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,16 +13,16 @@ from numpy.typing import NDArray
 
 from hric_core.errors import DescriptionError, HricError
 from hric_core.geometry import FloatArray
-from hric_core.kept import cache_folder, write_whole
+from hric_core.kept import CacheEntry, cache_folder
+from hric_core.magnitudes import largest
 from hric_core.resources import resolve
 from hric_core.urdf import Shape
 
-LOG = logging.getLogger("hric.meshes")
 SUFFIXES = (".dae", ".obj", ".stl")
 """Extensions of the mesh files that can be read."""
 WRITTEN_SUFFIX = ".obj"
 """Extension of the converted files."""
-VERSION = b"1"
+VERSION = b"2"
 """Version of the conversion, part of every cache key; change it when the converted text changes."""
 THINNEST = 1e-6
 """Smallest ratio of thickness to length of a mesh; below it the mesh is flat [1] (project default, unconfirmed)."""
@@ -113,10 +111,9 @@ def canonical(path: Path, scale: Sequence[float], where: str, cache: Path | None
     cache = cache_folder("meshes") if cache is None else cache
     try:
         content = path.read_bytes()
-        key = hashlib.sha256(
-            b"|".join([VERSION, path.suffix.lower().encode(), repr(tuple(map(float, scale))).encode(), content])
-        ).hexdigest()
-        if cache is not None and (text := _read_kept(cache, key)) is not None:
+        parts = (VERSION, path.suffix.lower().encode(), repr(tuple(map(float, scale))).encode(), content)
+        entry = CacheEntry(cache, parts, WRITTEN_SUFFIX)
+        if (text := entry.read()) is not None:
             return text, True
         from hric_core.meshes.files import read_surface  # loads the mesh libraries: 0.3 s
 
@@ -126,8 +123,7 @@ def canonical(path: Path, scale: Sequence[float], where: str, cache: Path | None
         raise DescriptionError(
             f"{where}: mesh {str(path)!r} cannot be read as {path.suffix}: {error}. Repair it, or leave meshes out"
         ) from error
-    if cache is not None:
-        _keep(cache / _kept_name(key, text), text)
+    entry.write(text)
     return text, False
 
 
@@ -155,6 +151,11 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Mes
 
     lines = canonical(path, scale, where)[0].splitlines()
     vertices = np.array([line.split()[1:] for line in lines if line.startswith(b"v ")], float)
+    if (length := float(np.ptp(vertices, axis=0).max())) > largest("m"):
+        mm = " ".join(f"{factor * 1e-3:g}" for factor in scale)
+        raise UnreadableMeshError(
+            f'it is {length:.4g} m long; valid: up to {largest("m"):g} m. If it is in mm, use scale="{mm}"'
+        )
     extents = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
     if len(vertices) < 4 or extents[-1] < THINNEST * extents[0]:
         raise UnreadableMeshError("the mesh is flat; a collision shape must enclose a volume")
@@ -163,28 +164,3 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Mes
     faces = np.array([[numbers[int(corner)] for corner in face] for face in hull.simplices], np.int64)
     corners: FloatArray = vertices[hull.vertices]
     return MeshSurface(corners, faces)
-
-
-def _kept_name(key: str, text: bytes) -> str:
-    """Return the name of a cached file: its key, and a hash of its text, by which a damaged file is detected."""
-    return f"{key}_{hashlib.sha256(text).hexdigest()[:32]}{WRITTEN_SUFFIX}"
-
-
-def _read_kept(cache: Path, key: str) -> bytes | None:
-    try:
-        for path in cache.glob(f"{key}_*{WRITTEN_SUFFIX}"):
-            text = path.read_bytes()
-            if path.name == _kept_name(key, text):
-                return text
-            path.unlink()
-    except OSError:
-        pass  # an unreadable cache is ignored
-    return None
-
-
-def _keep(path: Path, text: bytes) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, text)
-    except OSError as error:
-        LOG.warning("mesh cache: cannot write %s (%s); the mesh is converted again next time", path, error)

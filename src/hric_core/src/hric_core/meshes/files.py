@@ -1,6 +1,7 @@
 """Reader of the triangles and colours of mesh files: COLLADA (.dae), .obj and .stl."""
 
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,9 @@ def _joined(parts: Sequence[Part], scale: tuple[float, float, float]) -> MeshSur
 def _read_collada(content: bytes) -> list[Part]:
     """Return vertices [m], faces and diffuse colour of every primitive in the file's scene."""
     document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeUnsupportedError])
-    metres = document.assetInfo.unitmeter or 1.0
+    metres, unit = document.assetInfo.unitmeter, document.xmlnode.getroot().find("{*}asset/{*}unit[@meter]")
+    if unit is not None and not 0.0 < (metres or 0.0) < math.inf:
+        raise ValueError(f"meter of <unit> must be above 0; got {unit.get('meter')!r}")
     parts: list[Part] = []
     for geometry in document.scene.objects("geometry") if document.scene else ():
         for primitive in geometry.primitives():
@@ -95,7 +98,7 @@ def _read_collada(content: bytes) -> list[Part]:
             if indices is not None and np.ndim(indices) == 2 and np.shape(indices)[1] == 3:  # lines have pairs
                 diffuse = getattr(getattr(primitive.material, "effect", None), "diffuse", None)
                 colour = tuple(map(float, diffuse)) if isinstance(diffuse, tuple) else None
-                parts.append((np.asarray(triangles.vertex, float) * metres, indices, colour))
+                parts.append((np.asarray(triangles.vertex, float) * (metres or 1.0), indices, colour))
     return parts
 
 

@@ -75,10 +75,7 @@ class RisingLine:
 
     def at(self, x: int) -> float:
         """Return the value of the map [s] at x [ticks]."""
-        for piece in reversed(self._pieces):
-            if x >= piece.anchor:
-                return piece.at(x)
-        return self._pieces[0].at(x)
+        return next((piece for piece in reversed(self._pieces) if x >= piece.anchor), self._pieces[0]).at(x)
 
     def when(self, value: float) -> int:
         """Return the first x [ticks] at which the map has a value [s], in the past or the future.
@@ -108,8 +105,7 @@ class RisingLine:
         slope = max(line.slope - excess / BEND, SLOWEST * line.slope)
         bend = Line(begin, value, slope, line.frequency)
         joined = begin + round(excess / (line.slope - slope) * line.frequency) if slope != line.slope else begin
-        self._pieces.append(bend)
-        self._pieces.append(line._replace(anchor=joined, value=bend.at(joined)))
+        self._pieces += [bend, line._replace(anchor=joined, value=bend.at(joined))]
         if until is not None:
             self._pause_from(max(until, begin))
 

@@ -239,8 +239,7 @@ class RosNode(Namespaced):
 
     def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Undoable:
         """Offer live parameters through dynamic_reconfigure."""
-        live = RosLiveParameters(self._namespace, parameters, on_change, self.log_error)
-        return Undoable(live.close)
+        return Undoable(RosLiveParameters(self._namespace, parameters, on_change, self.log_error).close)
 
     def now(self) -> Any:
         """Return the present time as a message stamp: robot time if `clock` is set, else `rospy.Time.now()`."""

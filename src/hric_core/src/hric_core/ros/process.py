@@ -11,13 +11,13 @@ import threading
 from collections.abc import Callable, Sequence
 
 import rospy
-from rospy.impl import tcpros_base
 
 from hric_core import yaml_text
 from hric_core.errors import HricError, failing
 from hric_core.parameters import Known, Settings, known_names, refuse_unknown
 from hric_core.processes import run_command
 from hric_core.ros import prompt as ros_prompt
+from hric_core.ros.inbound import widen
 from hric_core.ros.node import RosNode
 
 PERIOD = 1.0
@@ -187,19 +187,3 @@ def forward_to_ros(logger: logging.Logger) -> None:
     logger.propagate = False
     if not any(isinstance(handler, _RosHandler) for handler in logger.handlers):
         logger.addHandler(_RosHandler())
-
-
-BACKLOG = 128
-"""Number of TCP connections that may wait to be accepted (project default, unconfirmed).
-
-It is above the number of topics of any node of the workspace."""
-
-
-def widen() -> None:
-    """Allow many subscribers to connect to this process at once. To be called after `rospy.init_node`.
-
-    rospy lets only 5 connections wait. If a recorder connects to all topics of a node within a millisecond, the kernel
-    refuses the rest, and they try again a second later. Until then the recorder receives nothing on these topics.
-    """
-    tcpros_base.start_tcpros_server()
-    tcpros_base._tcpros_server.tcp_ros_server.server_sock.listen(BACKLOG)

@@ -47,6 +47,8 @@ ANALOG = "analog"
 """Key of the analog data in `Trial.reasons`."""
 ANGLES = "Angles"
 """Ending of the names of joint angles that Vicon's Plug-in Gait and similar software write beside the markers."""
+FASTEST = 1e4
+"""Largest rate of the frames of a trial [Hz], beyond that of any camera (project default, unconfirmed)."""
 CUT = 4
 """Number of characters to which some exporters cut the unit of length, as "mete"."""
 BLANKS = " \t\r\n\0"
@@ -97,6 +99,12 @@ class Trial:
     angles: Mapping[str, FloatArray] = field(default_factory=dict)
     events: tuple[TrialEvent, ...] = ()
     length: str = "mm"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate <= FASTEST:
+            raise ParameterError(
+                f"{self.name} has {len(self.positions)} frames at {self.rate:g} Hz; valid: above 0, up to {FASTEST:g}"
+            )
 
     @property
     def duration(self) -> float:
@@ -232,8 +240,10 @@ def _trial(path: Path, up: str, content: C3dContent) -> Trial:
         raise ParameterError(f"c3d file {path} is damaged: it has no parameters POINT")
     if content.damaged:
         reasons["parameters"] = "some parameters, which are damaged"
-    if not rate > 0:
-        raise ParameterError(f"c3d file {path} has {len(raw)} frames at {rate:g} Hz; valid: a rate above 0")
+    if content.rest:
+        reasons["frames"] = (
+            f"{content.rest} bytes after the {len(raw)} frames stated in the header, which may be further frames"
+        )
     unit = _unit(path, point)
     labels = _labels(point, "LABELS", raw.shape[1])
     raw[~content.valid | ~np.isfinite(raw).all(axis=2) | (raw == 0.0).all(axis=2)] = np.nan
@@ -264,7 +274,7 @@ def _trial(path: Path, up: str, content: C3dContent) -> Trial:
         reasons,
         first_number(parameters.get("HRIC", {}), "START_TIME", 0.0),
         computed,
-        read_events(parameters.get("EVENT", {}), (max(content.first, 1) - 1) / rate),
+        read_events(parameters.get("EVENT", {}), (max(content.first, 1) - 1) / (rate or np.nan)),
         unit,
     )
 
@@ -295,8 +305,8 @@ def _analog_rate(analog: Group, rate: float, per_frame: int) -> tuple[float, str
 
 def _stated_up(point: Group) -> str:
     """Return the vertical axis, "y" or "z", by the parameter POINT:Y_SCREEN, drawn upwards; "": not stated."""
-    screen = _texts(point, "Y_SCREEN", 1)[0].lower()
-    return screen[-1] if screen and screen[-1] in UP_AXES else ""
+    screen = _texts(point, "Y_SCREEN", 1)[0].lower().removeprefix("+")
+    return screen if screen in UP_AXES else ""
 
 
 def _subject(parameters: Mapping[str, Group], reasons: dict[int | str, str]) -> dict[str, float]:

@@ -44,6 +44,7 @@ class C3dContent(NamedTuple):
         per_frame: number of samples of a channel in a frame; 0: there are no channels.
         first: number of the first frame.
         damaged: True if some parameters could not be read.
+        rest: number of bytes after the last frame, which may be further frames; 0: none.
     """
 
     parameters: Mapping[str, Group]
@@ -54,6 +55,7 @@ class C3dContent(NamedTuple):
     per_frame: int
     first: int
     damaged: bool
+    rest: int = 0
 
 
 def read_content(path: Path) -> C3dContent:
@@ -94,18 +96,20 @@ class _File:
         point, analog = parameters.get("POINT", {}), parameters.get("ANALOG", {})
         scale, rate = (float(number) for number in self._reals(12, 3)[[0, 2]])
         rate = first_number(point, "RATE", 0.0) or rate
-        frames = _frames(parameters.get("TRIAL", {}), first, last)
         per_frame = (per_frame or 1) if words else 0
         if words and words % per_frame:  # some software writes the number of channels instead
             words = per_frame * int(first_number(analog, "USED", 0.0))
         wide = scale < 0.0  # real numbers instead of integers
         size = (4 * points + words) * (4 if wide else 2)
+        longest = (len(self._data) - (start - 1) * BLOCK) // max(size, 1)
+        frames = _frames(parameters.get("TRIAL", {}), point, first, last, longest)
         needed = (start - 1) * BLOCK + frames * size
         if frames < 1 or start < 2 or needed > len(self._data):
             raise ParameterError(
                 f"c3d file {self._path} is damaged: {frames} frames by its header need {needed} bytes, and the file "
                 f"has {len(self._data)}"
             )
+        rest = len(self._data) - needed
         count, at = frames * (4 * points + words), (start - 1) * BLOCK
         rows = (self._reals(at, count) if wide else self._integers(at, count)).reshape(frames, -1)
         quads = rows[:, : 4 * points].reshape(frames, points, 4)
@@ -119,6 +123,7 @@ class _File:
             per_frame,
             first,
             damaged or first_number(point, "USED") != points,
+            rest if rest >= max(BLOCK, size) else 0,
         )
 
     def _parameters(self, begin: int, end: int) -> tuple[dict[str, Group], bool]:
@@ -183,12 +188,16 @@ class _File:
             return 0.25 * np.ascontiguousarray(words[:, ::-1]).view("<f4").ravel().astype(float)
 
 
-def _frames(trial: Group, first: int, last: int) -> int:
-    """Return the number of frames: by the header, or by TRIAL, which has numbers above 65535 as two words."""
+def _frames(trial: Group, point: Group, first: int, last: int, longest: int) -> int:
+    """Return the number of frames: by the header, or by TRIAL, which has numbers above 65535 as two words.
+
+    If POINT states more frames, that number is used, provided that the file is long enough (`longest`).
+    """
     ends = [numbers(trial, f"ACTUAL_{end}_FIELD").ravel() for end in ("START", "END")]
     if all(len(words) == 2 and np.isfinite(words).all() for words in ends):
         first, last = (int(low) % 65536 + 65536 * (int(high) % 65536) for low, high in ends)
-    return last - first + 1
+    stated = first_number(point, "LONG_FRAMES", 0.0), first_number(point, "FRAMES", 0.0) % 65536.0
+    return max([last - first + 1, *(int(count) for count in stated if count <= longest)])
 
 
 def _scaled(analog: Group, samples: FloatArray, wide: bool) -> FloatArray:

@@ -37,6 +37,5 @@ def read_events(group: Group, start: float) -> tuple[TrialEvent, ...]:
     labels, contexts = ([str(text).strip(BLANKS) for text in group.get(name, [])] for name in ("LABELS", "CONTEXTS"))
     count = times.shape[1]
     labels, contexts = ((texts + [""] * count)[:count] for texts in (labels, contexts))
-    seconds = (60.0 * times[0] + times[1] - start).tolist()
-    events = zip(seconds, labels, contexts, strict=True)
+    events = zip((60.0 * times[0] + times[1] - start).tolist(), labels, contexts, strict=True)
     return tuple(sorted(TrialEvent(time, label, context or GENERAL) for time, label, context in events))

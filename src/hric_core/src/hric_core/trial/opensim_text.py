@@ -44,10 +44,12 @@ class MarkerRows:
     Attributes:
         time: times, increasing, shape (n,) [s].
         markers: positions by marker name, in the axes of the file, each of shape (n, 3) [m]; NaN: not visible.
+        lacks: note on missing rows that the file header states; empty: no rows are missing.
     """
 
     time: FloatArray
     markers: dict[str, FloatArray]
+    lacks: str = ""
 
 
 def read_storage(path: Path) -> Storage:
@@ -81,7 +83,7 @@ def read_markers(path: Path) -> MarkerRows:
     if len(lines) < TRC_HEAD or not lines[0].startswith("PathFileType"):
         raise ParameterError(f"{path} is not a .trc file: its first line does not begin with PathFileType")
     keys = dict(zip(lines[1].split(), lines[2].split(), strict=False))
-    unit = keys.get("Units", "mm")
+    unit = keys.get("Units", "mm").lower()
     if unit not in METRES:
         raise ParameterError(f"{path} has markers in {unit!r}; valid: {', '.join(METRES)}")
     names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
@@ -93,7 +95,16 @@ def read_markers(path: Path) -> MarkerRows:
     positions = METRES[unit] * matrix[:, 2:].reshape(len(matrix), -1, 3)
     positions[(positions == 0.0).all(axis=2)] = np.nan
     check_rate(path, keys.get("DataRate", ""), rising(path, matrix[:, 1]))
-    return MarkerRows(matrix[:, 1], {name: positions[:, k] for k, name in enumerate(names)})
+    lacks = lacking(keys.get("NumFrames", ""), len(matrix))
+    return MarkerRows(matrix[:, 1], {name: positions[:, k] for k, name in enumerate(names)}, lacks)
+
+
+def lacking(stated: str, count: int) -> str:
+    """Return a note on missing frames that the file header states; empty: none are missing, or it states no number."""
+    missing = int(stated) - count if stated.strip().isdecimal() else 0
+    return f"{missing} of the {stated.strip()} frames stated in the header: the file does not contain them" * (
+        missing > 0
+    )
 
 
 def rate_of(path: Path, time: FloatArray) -> float:

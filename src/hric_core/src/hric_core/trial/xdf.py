@@ -89,8 +89,7 @@ def read_xdf(path: Path, up: str) -> Trial:
     if base is None:
         others = "; ".join(reasons.values()) or "no streams"
         raise ParameterError(f"xdf file {path} has no stream to read: {others}; valid: type MoCap, EMG or Force")
-    used = [one for one in (markers, *analog) if one is not None]
-    start, frames = _common(path, base, used, reasons)
+    start, frames = _common(path, base, [one for one in (markers, *analog) if one is not None], reasons)
     labels, positions = ((), np.zeros((frames, 0, 3))) if markers is None else _points(path, markers)
     first = round((start - base.start) * base.rate)
     positions = positions if markers is None else positions[first : first + frames]

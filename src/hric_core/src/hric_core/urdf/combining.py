@@ -35,9 +35,7 @@ def combined(name: str, descriptions: Mapping[str, str]) -> str:
             if element.tag == "joint" and parent is not None and parent.get("link") == root == WORLD:
                 element.set("name", f"{owner}_to_world_{element.get('name')}")
             label = element.get("name", "")
-            if element.tag == "link" and label == root == WORLD:
-                continue
-            if element.tag == "material" and label in materials:
+            if (element.tag == "link" and label == root == WORLD) or (element.tag == "material" and label in materials):
                 continue
             first = owners.setdefault((element.tag, label), owner)
             if element.tag in ("link", "joint", "transmission") and first != owner:

@@ -57,6 +57,8 @@ def _check_version(root: Element) -> None:
     version = root.get("version", VERSIONS[0])
     if version not in VERSIONS:
         raise DescriptionError(f"the robot description has version {version!r}; valid: {', '.join(VERSIONS)}")
+    if left := next((element.tag for element in root.iter() if element.tag.startswith("xacro:")), None):
+        raise DescriptionError(f"the robot description contains <{left}>; expand it with xacro first")
     for element in root.iter() if version == VERSIONS[0] else ():
         if any("quat_xyzw" in tag.attrib for tag in element.findall("origin")):
             raise DescriptionError(

@@ -168,10 +168,12 @@ class Robot:
 
         Raises:
             UnknownNameError: a name is not that of a moving joint.
-            DescriptionError: no names are given, or one of the joints mimics another joint.
+            DescriptionError: no names are given, a name is given twice, or one of the joints mimics another joint.
         """
         if not names:
             raise DescriptionError(f"robot {self.name}: no joint to drive; give at least one a <transmission>")
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise DescriptionError(f"robot {self.name}: joint {twice[0]} is named twice among the joints to drive")
         moving = [joint.name for joint in self.joints.values() if joint.type != "fixed"]
         check_known("moving joint", names, moving, f"robot {self.name}")
         for mimic, name in ((self.joints[name].mimic, name) for name in names):

@@ -100,8 +100,9 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 def _columns(names: Sequence[str], chosen: Mapping[str, str], file: str) -> list[str]:
     """Return the names of the 22 columns of time, positions, velocities and torques."""
     columns = [_named(chosen["t"], names, 1, file) if "t" in chosen else _time(names, file)]
-    for key in STEMS:
-        columns.append(_named(chosen[key], names, JOINTS, file) if key in chosen else _joints(key, names, file))
+    columns += [
+        _named(chosen[key], names, JOINTS, file) if key in chosen else _joints(key, names, file) for key in STEMS
+    ]
     flat = [name for group in columns for name in group]
     twice = sorted({name for name in flat if flat.count(name) > 1 or names.count(name) > 1})
     if twice:

@@ -59,5 +59,11 @@ class ImportCommand(Command):
         with files.atomic(trajectory) as new:
             episode.motion.write(new)
         files.write_yaml(path, episode.experiment(f"episode {number} of {dataset.absolute().name}", trajectory.name))
+        if not lerobot.PANDA.search(episode.robot):
+            robot = f"is {episode.robot!r}" if episode.robot else "is not known"
+            print(
+                f"robot_type of {dataset.absolute().name} {robot}; valid: a Panda or FR3. "
+                "On another arm the same joint angles lead to other poses"
+            )
         frames = len(episode.motion.time)
         print(f"{frames} frames at {episode.rate:g} Hz: {episode.task or 'task not known'}\n{trajectory}\n{path}")

@@ -29,6 +29,8 @@ SETTLING = 1.0
 START = 0.5
 """Robot time at which the trajectory starts [s]; project default, unconfirmed."""
 CONTROLLER = "position_joint_trajectory_controller"
+PANDA = re.compile("panda|franka|fr3", re.IGNORECASE)
+"""Pattern of a type of robot with the kinematics of the Panda."""
 _JOINT = re.compile(r"(?:^|[^a-z])(?:joint|j|q)_?(\d)(?:\.pos(?:ition)?)?$")
 """Pattern of a signal's name that is a joint position: it ends with joint, j or q and a number."""
 
@@ -41,11 +43,13 @@ class DatasetEpisode:
         task: description of the task; "": not known.
         motion: joint positions of the arm.
         rate: frames per second [Hz].
+        robot: type of the robot, as the data set has it; "": not known.
     """
 
     task: str
     motion: JointPositions
     rate: float
+    robot: str
 
     def experiment(self, name: str, trajectory: str) -> dict[str, object]:
         """Return the contents of an experiment file that replays the episode.
@@ -116,7 +120,8 @@ def _read(dataset: Path, number: int, joints: Sequence[str], feature: str, signa
         )
     _check_times(table, fps, f"episode {number} of {dataset.name}")
     time = np.arange(len(values)) / fps
-    return DatasetEpisode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps)
+    robot = str(info.get("robot_type") or "")
+    return DatasetEpisode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps, robot)
 
 
 def _values(table: Any, feature: str, shape: Sequence[int]) -> FloatArray:

@@ -140,8 +140,7 @@ def _urdf(name: str, made: list[BodySegment], moved: list[BodyJoint]) -> str:
             _write_joint(robot, f"{segment.link}_joint", "fixed", segment.parent, segment.link, segment.p_parent_link)
         parent, at = segment.parent, segment.p_parent_link
         for joint in joints:
-            element = _write_joint(robot, joint.name, "revolute", parent, joint.child, at)
-            _write_motion(element, joint)
+            _write_motion(_write_joint(robot, joint.name, "revolute", parent, joint.child, at), joint)
             parent, at = joint.child, np.zeros(3)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode")
@@ -176,8 +175,7 @@ def _capsule(segment: BodySegment) -> list[Shape]:
 
 def _rotation_along(direction: FloatArray) -> FloatArray:
     """Return a rotation that turns z along one of the axes, shape (3, 3)."""
-    longest = int(np.argmax(np.abs(direction)))
-    return np.roll(np.eye(3), longest + 1, axis=0)
+    return np.roll(np.eye(3), int(np.argmax(np.abs(direction))) + 1, axis=0)
 
 
 def _write_joint(robot: Element, name: str, kind: str, parent: str, child: str, at: FloatArray) -> Element:

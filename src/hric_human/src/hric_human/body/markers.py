@@ -122,12 +122,9 @@ def markers(segments: Sequence[BodySegment], extra: Sequence[ExtraMarker] = ()) 
     made = []
     for segment in segments:
         side = side_of(segment.name)
-        for row in BOTH_SIDES if side else MIDDLE:
-            if _kind(row) == segment.kind:
-                made.append(_marker(side[:1].upper() + row.name, row, segment, side))
-        for marker in extra:
-            if _kind(marker.row) == segment.kind and side in ("", marker.side):
-                made.append(_marker(marker.name, marker.row, segment, marker.side))
+        rows = [(side[:1].upper() + row.name, row, side) for row in (BOTH_SIDES if side else MIDDLE)]
+        rows += [(marker.name, marker.row, marker.side) for marker in extra if side in ("", marker.side)]
+        made += [_marker(name, row, segment, of) for name, row, of in rows if _kind(row) == segment.kind]
     return made
 
 

@@ -145,8 +145,7 @@ class HandSolver:
 
     def next(self, target: Pose, last: Sequence[float]) -> list[float]:
         """Return the joint angles for a target near the previous one; last: the previous angles; whole body [rad]."""
-        guess = np.array([last[index] for index in self.chain.arm])
-        q, left = self._solver.solve(self._task(target), guess)
+        q, left = self._solver.solve(self._task(target), np.array([last[index] for index in self.chain.arm]))
         if left > TOLERANCE:
             raise self._out_of_reach(target, left)
         return self._posture(q)

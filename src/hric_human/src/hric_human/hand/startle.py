@@ -127,8 +127,10 @@ class StartledHand(Program):
         how = self._how
         goal = (-how.distance if how.towards else how.distance) * away
         there = np.array([goal, np.zeros(3), np.zeros(3)])
-        self._pieces.append(Piece(begin, how.jerk_time, REST_STATE, goal))
-        self._pieces.append(Piece(begin + how.jerk_time, how.recovery, there, np.zeros(3)))
+        self._pieces += [
+            Piece(begin, how.jerk_time, REST_STATE, goal),
+            Piece(begin + how.jerk_time, how.recovery, there, np.zeros(3)),
+        ]
 
     def _piece(self, time: float) -> Piece:
         return self._pieces[max(0, bisect_right(self._pieces, time, key=lambda piece: piece.begin) - 1)]

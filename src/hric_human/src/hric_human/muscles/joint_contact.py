@@ -68,8 +68,7 @@ class Pulls:
         Returns:
             by centre, shape (n, muscles, 3) [1].
         """
-        angles = np.clip(q, self._anatomy.lower, self._anatomy.upper)
-        powers = angles[:, :, None] ** self._orders
+        powers = np.clip(q, self._anatomy.lower, self._anatomy.upper)[:, :, None] ** self._orders
         terms = np.prod(powers[:, self._columns, self._power], axis=2)
         values = (terms @ self._coefficients).reshape(len(q), -1, 3)
         return {centre: values[:, rows] for centre, rows in self._rows.items()}

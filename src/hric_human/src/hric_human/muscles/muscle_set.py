@@ -173,8 +173,7 @@ class MuscleSet:
     def at(self, q: Sequence[float], dq: Sequence[float]) -> MuscleState:
         """Return the state of the muscles at the positions [rad] and velocities [rad/s] of all joints of the body."""
         out = np.empty(self._size)
-        outside = self._compiled.at(q, dq, out)
-        return MuscleState(out, len(self.names), outside)
+        return MuscleState(out, len(self.names), self._compiled.at(q, dq, out))
 
     def intrinsic(self, state: MuscleState, activation: FloatArray) -> Intrinsic:
         """Return the joint impedance that muscles have at activations of shape (k,) [1], without reflexes."""

@@ -128,8 +128,7 @@ def _cell(
     approach = blows.approach(q, np.array(DIRECTIONS[name]))
     by_mass = speed_limit(request.limits, request.region, np.array(masses))
     closed_form, by_half, by_locked = (float(speed) for speed in by_mass.transient)
-    model = REGION_MODELS[request.region]
-    body = HitBody(model.mass, request.limit.stiffness, request.damping)
+    body = HitBody(REGION_MODELS[request.region].mass, request.limit.stiffness, request.damping)
     speed = limit_speed(lambda speed: blows.peak(approach, body, speed), force, closed_form)
     fastest = approach.fastest
     return MapCell(point, name, masses.reflected, speed, fastest, closed_form, by_half, by_locked, masses.locked)

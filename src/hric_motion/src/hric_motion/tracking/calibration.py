@@ -116,8 +116,7 @@ class StillPose:
             CommandError: the person moved, or markers are missing; the text names the markers.
         """
         frames = np.array(self._frames)
-        seen = np.isfinite(frames).all(axis=2)
-        shares = seen.mean(axis=0)
+        shares = np.isfinite(frames).all(axis=2).mean(axis=0)
         missing = [
             f"{name} ({share:.0%})" for name, share in zip(self._names, shares, strict=True) if share < MIN_SHARE
         ]
@@ -181,8 +180,7 @@ class _Fit:
         low, high = np.array([joint.range for joint in body.joints.values()]).T
         self._low, self._high = np.minimum(low, self._pose), np.maximum(high, self._pose)
         self._first = Builder(subject).lengths
-        tracker = PersonTracker(body, names)
-        self.root = tracker.root_from_trunk(positions, np.ones(len(names), bool), self._pose)
+        self.root = PersonTracker(body, names).root_from_trunk(positions, np.ones(len(names), bool), self._pose)
         self.q, self._changes = self._pose, np.zeros(len(self._first))
 
     def fit(self) -> Subject:

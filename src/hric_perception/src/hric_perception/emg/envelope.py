@@ -150,10 +150,8 @@ class Envelope:
 
     def _filled(self, data: FloatArray, bad: Any) -> FloatArray:
         """Return the data with each value that is not finite replaced by the previous one."""
-        rows = np.where(bad, -1, np.arange(len(data))[:, None])
-        newest = np.maximum.accumulate(rows, axis=0)
-        known = np.take_along_axis(data, np.maximum(newest, 0), axis=0)
-        return np.where(newest >= 0, known, self._before)
+        newest = np.maximum.accumulate(np.where(bad, -1, np.arange(len(data))[:, None]), axis=0)
+        return np.where(newest >= 0, np.take_along_axis(data, np.maximum(newest, 0), axis=0), self._before)
 
     def _clear(self) -> None:
         count = len(self._columns)

@@ -34,13 +34,17 @@ class PersonMarkers:
         self._count, self._asset = len(names), asset
 
     def positions(self, message: Any) -> FloatArray:
-        """Return the positions of the markers from a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not visible."""
-        rows = np.full((self._count, 3), np.nan)
+        """Return the positions of the markers from a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not visible.
+
+        A marker name that occurs in several assets is NaN, because the assets may be several people.
+        """
+        rows, assets = np.full((self._count, 3), np.nan), dict[int, str]()
         for label, point in zip(message.labelled_marker_names, message.labelled_markers, strict=True):
             asset, _, name = label.rpartition("/")
             row = self._rows.get(name)
             if row is not None and (not self._asset or asset == self._asset):
-                rows[row] = point.x, point.y, point.z
+                alone = assets.setdefault(row, asset) == asset
+                rows[row] = (point.x, point.y, point.z) if alone else math.nan
         return rows
 
 

@@ -50,8 +50,7 @@ class PlatePose(PoseSettings):
 
 def mean_wrench(chunk: Chunk) -> tuple[float, FloatArray] | None:
     """Return (mean robot time [s], mean wrench, shape (6,) [N, N m]) of a chunk's finite samples; None without any."""
-    columns = [chunk.layout.channels.index(name) for name in CHANNELS]
-    data = chunk.data[:, columns]
+    data = chunk.data[:, [chunk.layout.channels.index(name) for name in CHANNELS]]
     good = np.isfinite(data).all(axis=1)
     if not good.any():
         return None

@@ -159,8 +159,7 @@ def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], MessageS
     Raises:
         PathError: a leaf is not a channel of `data`.
     """
-    steps = _columns(leaves, ("data",), where)
-    find = _finder(steps)
+    find = _finder(_columns(leaves, ("data",), where))
 
     def read(message: Any) -> MessageSamples:
         width = len(message.channels)

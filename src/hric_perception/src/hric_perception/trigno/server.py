@@ -14,10 +14,16 @@ from hric_perception.trigno import protocol
 LOG = logging.getLogger("hric.perception.trigno")
 IDLE = 0.1
 """Longest time until a thread notices that it is to end [s]."""
+MAX_CLIENTS = 16
+"""Largest number of connections to a port; further ones are closed (project default, unconfirmed)."""
+MAX_COMMAND = 4096
+"""Longest command [bytes] (project default, unconfirmed)."""
 
 
 class TrignoServer:
     """Emulated Trigno server, an outlet for `Emulator`: sends frames to all clients between commands START and STOP.
+
+    It also stops when the connection that sent START is closed.
 
     Args:
         rate: sample rate [Hz].
@@ -36,7 +42,8 @@ class TrignoServer:
         self._rate, self._frame, self._encoder = rate, protocol.frame_samples(rate), protocol.Encoder(rate, time_code)
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._listeners: list[socket.socket] = []
-        self._started = False
+        self._clients: list[socket.socket] = []
+        self._starter: socket.socket | None = None
         self._sockets: list[socket.socket] = []
         self._threads: list[threading.Thread] = []
         for port in (command_port, data_port):
@@ -52,16 +59,14 @@ class TrignoServer:
 
     def start(self) -> None:
         """Accept clients, in threads."""
-        for work, listening in zip((self._talk, self._listen), self._sockets, strict=True):
-            self._threads.append(
-                threading.Thread(target=self._accept, args=(listening, work), name="trigno server", daemon=True)
-            )
+        for ends in zip(self._sockets, (self._clients, self._listeners), (self._talk, None), strict=True):
+            self._threads.append(threading.Thread(target=self._accept, args=ends, name="trigno server", daemon=True))
             self._threads[-1].start()
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
         """Send EMG samples [V], shape (n, up to CHANNELS); other channels are 0. `times` is not used."""
         with self._lock:
-            if not self._started:
+            if self._starter is None:
                 self._encoder.clear()
             elif frames := self._encoder.encode(data):
                 self._send(frames)
@@ -75,31 +80,40 @@ class TrignoServer:
             for sock in [*self._sockets, *self._listeners]:
                 with contextlib.suppress(OSError):
                     sock.close()
-            self._listeners = []
+            self._listeners.clear()
 
     def _send(self, data: bytes) -> None:
         for listener in self._listeners[:]:
             try:
                 listener.sendall(data)
-            except OSError:
+            except OSError as error:
+                if isinstance(error, BlockingIOError):
+                    LOG.warning("a client of port %d reads its samples too slowly; disconnected", self.data_port)
                 self._listeners.remove(listener)
                 listener.close()
 
-    def _accept(self, listening: socket.socket, work: Callable[[socket.socket], None]) -> None:
+    def _accept(
+        self, listening: socket.socket, present: list[socket.socket], work: Callable[[socket.socket], None] | None
+    ) -> None:
         while not self._stop.is_set():
             try:
                 connection, _ = listening.accept()
             except TimeoutError:
                 continue
-            except OSError:
-                return
+            except OSError as error:  # e.g. too many open files
+                LOG.warning("no connection accepted: %s", error.strerror or error)
+                self._stop.wait(1.0)
+                continue
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            work(connection)
-
-    def _listen(self, connection: socket.socket) -> None:
-        connection.settimeout(1.0)
-        with self._lock:
-            self._listeners.append(connection)
+            connection.setblocking(False)
+            if len(present) >= MAX_CLIENTS:
+                LOG.warning("a connection is refused: %d clients are connected", MAX_CLIENTS)
+                connection.close()
+                continue
+            with self._lock:
+                present.append(connection)
+            if work is not None:
+                work(connection)
 
     def _talk(self, connection: socket.socket) -> None:
         threading.Thread(target=self._converse, args=(connection,), name="trigno commands", daemon=True).start()
@@ -114,22 +128,24 @@ class TrignoServer:
                     data = connection.recv(4096)
                 except TimeoutError:
                     continue
-                if not data:
-                    break
                 received += data
+                if not data or len(received) > MAX_COMMAND:
+                    break
                 while protocol.END in received:
-                    word, received = received.split(protocol.END, 1)
-                    connection.sendall(self._response(word.decode(errors="replace").strip()).encode() + protocol.END)
+                    command, received = received.split(protocol.END, 1)
+                    word = command.decode(errors="replace").strip()
+                    if word in ("START", "STOP"):
+                        LOG.info("received the command %s", word)
+                        self._starter = connection if word == "START" else None
+                    connection.sendall(self._response(word).encode() + protocol.END)
         with self._lock:
-            self._started = False
+            self._clients.remove(connection)
+            if self._starter is connection:
+                self._starter = None
 
     def _response(self, word: str) -> str:
-        if word in ("START", "STOP"):
-            with self._lock:
-                self._started = word == "START"
-            LOG.info("received the command %s", word)
-            return "OK"
         responses = {
+            **dict.fromkeys(("START", "STOP"), "OK"),
             protocol.FRAME_INTERVAL: f"{self._frame / self._rate:.9g}",
             protocol.FRAME_COUNT: str(self._frame),
             "QUIT": "BYE",

@@ -126,8 +126,7 @@ def _blow_panel(impact: ExpectedContact, form: ClosedFormImpact) -> Panel:
         Curve("half sine", "desired", 1e3 * instants, form.force(instants)),
         Curve("simulated", "measured", 1e3 * time, force),
     )
-    title = f"{_between(impact)}, {form.speed:.2f} m/s"
-    return Panel(title, curves, (("v sqrt(mu k)", form.peak),))
+    return Panel(f"{_between(impact)}, {form.speed:.2f} m/s", curves, (("v sqrt(mu k)", form.peak),))
 
 
 def _press_panel(impact: ExpectedContact, press: Clamping) -> Panel:
@@ -150,12 +149,10 @@ def _carrying(transport: Transport, key: str) -> Figure:
         shares = zip(transport.ends, transport.share, strict=True)
         curves = tuple(Curve(name, f"s{k}", transport.time, 100.0 * share) for k, (name, share) in enumerate(shares))
         panels.append(Panel("load share", curves, unit="of the weight [%]"))
-    panels.append(
-        Panel("internal force", (Curve("both together", "s2", transport.time, transport.squeeze),), unit="force [N]")
-    )
-    panels.append(
-        Panel("tilt", (Curve("both together", "s2", transport.time, np.rad2deg(transport.tilt)),), unit="angle [deg]")
-    )
+    panels += [
+        Panel("internal force", (Curve("both together", "s2", transport.time, transport.squeeze),), unit="force [N]"),
+        Panel("tilt", (Curve("both together", "s2", transport.time, np.rad2deg(transport.tilt)),), unit="angle [deg]"),
+    ]
     a, b = transport.ends
     caption = (
         f"Vertical force of the grips {a} and {b} on {transport.body} as share of its weight; internal force, the "

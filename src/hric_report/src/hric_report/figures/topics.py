@@ -42,6 +42,5 @@ def _panels(signal: Signal, roles: dict[str, str]) -> list[Panel]:
     curves = []
     for channel, values in columns:
         name = channel.removeprefix(f"{quantity} ")
-        role = roles.setdefault(name, f"s{len(roles) % 10}")
-        curves.append(Curve(name, role, signal.time, values))
+        curves.append(Curve(name, roles.setdefault(name, f"s{len(roles) % 10}"), signal.time, values))
     return [Panel(quantity, tuple(curves), unit=label)]

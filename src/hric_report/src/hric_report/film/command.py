@@ -92,8 +92,7 @@ class FilmCommand(Command):
             begin, end = _span(arguments, pictures.begin, pictures.end)
             pictures.prepare(FilmView(*arguments.size), begin, end)
             count = math.floor((end - begin) * rate / speed + 1e-6) + 1
-            times = (begin + k * speed / rate for k in range(count))
-            drawn = map(pictures.draw, times)
+            drawn = map(pictures.draw, (begin + k * speed / rate for k in range(count)))
             quiet = not sys.stderr.isatty()
             shown = tqdm(drawn, "film", count, leave=False, unit=" pictures", disable=quiet)
             write(path, shown, arguments.size, rate)

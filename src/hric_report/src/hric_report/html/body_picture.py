@@ -148,5 +148,4 @@ def picture(findings: Sequence[FindingEntry], arms: Sequence[str] = ()) -> Marku
     lacking = [region_key(region, side) for side in SIDES for region in ARMS if arms and side not in arms]
     both = dict(zip(("front", "back"), views(), strict=True))
     values = {"touched": touched(findings), "lacking": lacking, "scale": SCALE, "width": WIDTH, "height": HEIGHT}
-    environment = templates.environment(colour=colour)
-    return Markup(environment.get_template("body.html").render(views=both, **values))
+    return Markup(templates.environment(colour=colour).get_template("body.html").render(views=both, **values))

@@ -92,9 +92,11 @@ def _problems(runs: Sequence[OverlaidRun]) -> list[headline.KeyFigure]:
     figures = []
     for run in runs:
         metrics = replace(run.data.run_metrics, setpoints=(), sources=None)
-        for finding in headline.of_run(run.data.run, metrics):
-            if finding.kind == headline.BAD or finding.name in ("Lag", "Error after the lag"):
-                figures.append(replace(finding, name=f"{run.label}: {finding.name}"))
+        figures += [
+            replace(finding, name=f"{run.label}: {finding.name}")
+            for finding in headline.of_run(run.data.run, metrics)
+            if finding.kind == headline.BAD or finding.name in ("Lag", "Error after the lag")
+        ]
     return figures
 
 

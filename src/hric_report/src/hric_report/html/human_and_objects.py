@@ -80,8 +80,7 @@ def simulated_person(
         if grip.closed.any()
         for name in (grip.holder, grip.held)
     }
-    skin = fitted(body, [side for side in SIDES if link_name("hand", side) in held])
-    person.skin = SceneSkin.of(skin)
+    person.skin = SceneSkin.of(fitted(body, [side for side in SIDES if link_name("hand", side) in held]))
     if record.root is not None:
         seen = instants(record.root.time, rate)
         person.motion = SceneTrack("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])

@@ -95,8 +95,7 @@ def _track(
     moving: Moving, rate: float, links: set[str], statics: Statics, notes: list[str], shift: float
 ) -> SceneTrack:
     """Return a recorded motion at a reduced rate, in the frame of a robot link if the transform is known."""
-    steps = np.floor((moving.time - moving.time[0]) * rate)
-    _, shown = np.unique(steps, return_index=True)
+    _, shown = np.unique(np.floor((moving.time - moving.time[0]) * rate), return_index=True)
     frame, R, p, known = placement(moving.frame_id, links, statics)
     if not known:
         note = (

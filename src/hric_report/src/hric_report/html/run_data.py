@@ -81,7 +81,6 @@ def load(folder: RunFolder, values: Content, *, progress: bool = False) -> RunDa
     recorded = recordings.read(bag, record.robot_time, progress=progress)
     definition = run.get("definition") or {}
     person = human.analyse(bag, run, description, record)
-    plant = (definition.get("robot") or {}).get("plant") or {}
-    objects = object_record.read(bag, plant, record.robot_time)
+    objects = object_record.read(bag, (definition.get("robot") or {}).get("plant") or {}, record.robot_time)
     safety = safety_record.read(bag, record.robot_time)
     return RunData(folder, run, values, record, followed, recorded, description, person, objects, safety)

@@ -16,7 +16,7 @@ from hric_bags.records.contact_record import PairForce
 from hric_bags.run_file import RunFile
 from hric_core.json_values import from_json
 from hric_report.html.table import PageTable, number
-from hric_report.text import setpoint_cells
+from hric_report.text import prismatic, setpoint_cells
 
 SHOWN_EVENTS = 500
 """Maximum number of events in the table; further events are only counted. Project default, unconfirmed."""
@@ -62,6 +62,8 @@ def overview(run: RunFile, metrics: Content) -> PageTable:
         ("hash of the states", str(metrics.get("state_sha256") or "-")[:16]),
     ]
     rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]
+    if joints := metrics.get("prismatic"):
+        rows.append(("units", prismatic(joints)))
     if run.get("arm_error"):
         rows.append(("arm error at the end", str(run["arm_error"])))
     return PageTable("Overview of the run", ("entry", "value"), tuple(rows))
@@ -109,8 +111,7 @@ def sync_tables(recorded: Recordings) -> list[PageTable]:
         policy = f", {layout.policy}, {layout.reference or f'{layout.rate:g} Hz'}" if layout is not None else ""
         rows = tuple(_source(name, ages[:, k].astype(float), valid[:, k]) for k, name in enumerate(names))
         head = ("source", "valid", "age, median [ms]", "age, 99 % [ms]", "age, largest [ms]")
-        title = f"Synchronised on {topic}: {len(samples)} samples{policy}"
-        tables.append(PageTable(title, head, rows))
+        tables.append(PageTable(f"Synchronised on {topic}: {len(samples)} samples{policy}", head, rows))
     return tables
 
 

@@ -119,8 +119,9 @@ def label(verdict: VerdictFile) -> tuple[str, str]:
 
 
 def summary(verdict: VerdictFile) -> str:
-    """Return outcome, conclusions and disclaimer of a verdict as text for the terminal."""
-    lines = [f"verdict: {verdict['outcome']}", *map(str, conclusions_of(verdict)), verdict["disclaimer"]]
+    """Return outcome, notes, conclusions and disclaimer of a verdict as text for the terminal."""
+    notes = [f"note: {note}" for note in verdict["input"]["notes"]]
+    lines = [f"verdict: {verdict['outcome']}", *notes, *map(str, conclusions_of(verdict)), verdict["disclaimer"]]
     return "\n".join(lines)
 
 

@@ -25,12 +25,13 @@ class FindingEntry(TypedDict):
 
 
 class RecordingEntry(TypedDict):
-    """Recording that was assessed; kind: "run", "bag" or "c3d"; begin, end: robot time [s]."""
+    """Recording that was assessed; kind: "run", "bag" or "c3d"; begin, end: robot time [s]; notes: what is left out."""
 
     name: str
     kind: str
     begin: float
     end: float
+    notes: Sequence[str]
 
 
 class ScoreEntry(TypedDict):

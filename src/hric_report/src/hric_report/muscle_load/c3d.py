@@ -1,6 +1,6 @@
 """Muscle load of a motion that a c3d file contains as markers, with the force plates of the file."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -16,6 +16,8 @@ from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
 from hric_human.control.whole_body import ExternalLoad
 from hric_human.muscles.after_run import CUTOFF, smoothed
+from hric_motion.tracking.tracker import BRIDGE
+from hric_motion.trial import without_strays
 from hric_report.muscle_load.motions import MuscleLoadResult, computed
 from hric_report.muscle_load.person import DescribedPerson, MuscleLoadError
 
@@ -47,6 +49,7 @@ def of_c3d(
     """
     trial, body = read_trial(path), person.body
     labels = marker_labels(path.name, trial.labels, tuple(body.markers))
+    trial = without_strays(trial, labels)
     names = list(labels)
     positions = _positions(trial, labels, inverse(person.settings.root(body)))
     seen = np.asarray(np.isfinite(positions).all(axis=2)).any(axis=1)
@@ -60,14 +63,28 @@ def of_c3d(
             f"the markers of {path.name} are {1e3 * worst:.0f} mm from those of {person.source} (median over the "
             f"frames); valid: up to {1e3 * WORST_FIT:.0f} mm, in the same laboratory, of the same person"
         )
-    time = trial.start + np.arange(first, last + 1) / trial.rate
-    motion = smoothed(time, np.array(rows), cutoff)
+    motion = smoothed(trial.start + np.arange(first, last + 1) / trial.rate, np.array(rows), cutoff)
     pressed = [plate_load(trial.plate(number), link, motion.time - trial.start) for number, link in plates.items()]
     note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
     if worst > POOR_FIT:
         note += f": this is not the body of {person.source}, or the markers are placed differently; measure both"
-    notes = [note, *(f"left out of {path.name}: {reason}" for reason in trial.left_out)]
+    notes = [note, *_lost(positions[first : last + 1], names, trial.rate)]
+    notes += [f"left out of {path.name}: {reason}" for reason in trial.left_out]
     return computed(person, motion, notes, person.settings.root(body), pressed)
+
+
+def _lost(positions: FloatArray, names: Sequence[str], rate: float) -> list[str]:
+    """Return a note on markers that are not visible for longer than BRIDGE at a time; empty: there are none."""
+    seen, lost = np.asarray(np.isfinite(positions).all(axis=2)), list[str]()
+    for name, visible in zip(names, seen.T, strict=True):
+        longest = np.diff(np.flatnonzero(np.concatenate([[True], visible, [True]]))).max() - 1
+        if longest > BRIDGE * rate:
+            lost.append(f"{name} {longest / rate:.2f} s")
+    return (
+        [f"NOT KNOWN: the motion is interpolated where markers are lost; longest gaps: {', '.join(lost)}"]
+        if lost
+        else []
+    )
 
 
 def _positions(trial: Trial, labels: Mapping[str, str], T_root_world: Pose) -> FloatArray:

@@ -115,14 +115,15 @@ def computed(
     anatomy = find(settings.anatomy, person.anatomy)
     loads = [*person.loads(motion.time), *pressed]
     load = load_of(person.body, anatomy, root, motion, loads, settings.strength, person.gravity)
-    count = sum(load.is_muscle)
-    notes.append(f"muscles: {anatomy.name}, {count} of them, strength {settings.strength:g}")
-    notes.append(f"external forces act on the links: {', '.join(force.link for force in loads) or 'none'}")
-    for contact in (person.record.contacts if person.record is not None else {}).values():
-        notes.append(
-            f"NOT included: contact force on {contact.link}, at most {contact.force.max():.1f} N (the bag lacks its "
-            "direction)"
-        )
+    notes += [
+        f"muscles: {anatomy.name}, {sum(load.is_muscle)} of them, strength {settings.strength:g}",
+        f"external forces act on the links: {', '.join(force.link for force in loads) or 'none'}",
+    ]
+    notes += [
+        f"NOT included: contact force on {contact.link}, at most {contact.force.max():.1f} N "
+        "(the bag lacks its direction)"
+        for contact in (person.record.contacts if person.record is not None else {}).values()
+    ]
     for side, outside in load.outside.items():
         if outside.any():
             notes.append(

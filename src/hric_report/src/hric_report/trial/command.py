@@ -214,9 +214,7 @@ def _written(path: Path, prefix: str | None, arguments: argparse.Namespace) -> P
 
 def _print(folders: Sequence[Path]) -> None:
     """Print the summary of each trial, and a table if there are several."""
-    blocks = []
-    for folder in folders:
-        blocks.append(f"{summary.render(folder.name, files.values(folder))}\nfiles: {folder.absolute()}")
+    blocks = [f"{summary.render(one.name, files.values(one))}\nfiles: {one.absolute()}" for one in folders]
     if len(folders) > 1:
         blocks.append(summary.render_table([summary.table_cells(one.name, files.values(one)) for one in folders]))
         tables = dict.fromkeys(folder.parent for folder in folders)

@@ -163,8 +163,7 @@ def write_table(folder: Path) -> Path:
     """Write a table with a row for each trial whose results are in a folder; return the table's path."""
     rows = [summary.table_cells(path.parent.name, values(path.parent)) for path in sorted(folder.glob(f"*/{DATA}"))]
     head = [f"{name} [{unit}]" if unit else name for name, unit in zip(summary.HEAD, summary.UNITS, strict=True)]
-    lines = [",".join(map(_quoted, row)) for row in (head, *rows)]
-    write_text(folder / TABLE, "\n".join(lines) + "\n")
+    write_text(folder / TABLE, "\n".join([",".join(map(_quoted, row)) for row in (head, *rows)]) + "\n")
     return folder / TABLE
 
 

@@ -94,8 +94,6 @@ def _of_other_robot(values: Mapping[str, object], arm: Sequence[str], joints: Se
     for key, value in values.items():
         if key in arm:
             continue
-        if isinstance(value, Mapping):
-            result[key] = _of_other_robot(value, arm, joints)
-        else:
-            result[key] = list(joints) if value == arm else value
+        changed = list(joints) if value == arm else value
+        result[key] = _of_other_robot(value, arm, joints) if isinstance(value, Mapping) else changed
     return result

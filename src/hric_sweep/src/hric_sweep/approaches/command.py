@@ -134,10 +134,10 @@ def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) ->
     exceeding = [str(first + run.index) for run in completed if run.outputs["above"]]
     if exceeding:
         largest = max(run.outputs["known_share"] or 0.0 for run in completed) or np.inf
-        lines.append(f"largest contact above limits: {largest:.1f} times the limit")
-        lines.append(
-            "seeds with a contact above limits: " + ", ".join(exceeding[:20]) + (", ..." if len(exceeding) > 20 else "")
-        )
+        lines += [
+            f"largest contact above limits: {largest:.1f} times the limit",
+            f"seeds with a contact above limits: {', '.join(exceeding[:20])}{', ...' * (len(exceeding) > 20)}",
+        ]
     if len(completed) < count:
         lines.append(f"failed runs, contacts unknown (counted as above limits in the bound): {count - len(completed)}")
         lines += [f"  seed {first + run.index}: {run.failure}" for run in responses if run.failure]

@@ -169,9 +169,11 @@ def _differences(name: str, ours: PlainData, theirs: PlainData) -> list[str]:
     lines = []
     for collaboration, item in ours["collaborations"].items():
         a, b = item["controllers"][name], theirs["collaborations"][collaboration]["controllers"][name]
-        for key in ("above", "unknown", "incomplete"):
-            if a[key] != b[key]:
-                lines.append(f"{name}, {collaboration}: runs {key}: {a[key]} here, {b[key]} there")
+        lines += [
+            f"{name}, {collaboration}: runs {key}: {a[key]} here, {b[key]} there"
+            for key in ("above", "unknown", "incomplete")
+            if a[key] != b[key]
+        ]
         for score, values in a["scores"].items():
             x, y, unit = values["median"], b["scores"][score]["median"], item["scores"][score]["unit"]
             if not _same(x, y, ours["tolerance"]):

@@ -162,9 +162,7 @@ def ranks(values: Mapping[str, float | None], sign: float, tolerance: float) -> 
 
 
 def _better(a: float, b: float, tolerance: float) -> bool:
-    if math.isinf(b):
-        return not math.isinf(a)
-    return b - a > tolerance * max(abs(a), abs(b))
+    return not math.isinf(a) if math.isinf(b) else b - a > tolerance * max(abs(a), abs(b))
 
 
 def category_ranks(benchmark: Benchmark, results: Cells, controllers: Sequence[str], category: str) -> Ranks:

@@ -57,10 +57,8 @@ def lines(study: RecordedSweep, assumption: str) -> list[str]:
         ]
     level = f"{100.0 * estimate.level:g} % interval"
     low, high = number(estimate.low, 3), number(estimate.high, 3)
-    if estimate.probability > 0.0:
-        line = f"{of} = {number(estimate.probability, 3)}, {level} {low} to {high}"
-    else:
-        line = f"{of}: no run exceeded, {level} {low} to {high}"
+    value = f" = {number(estimate.probability, 3)}" if estimate.probability > 0.0 else ": no run exceeded"
+    line = f"{of}{value}, {level} {low} to {high}"
     return [line, _method(study, estimate), _failed(estimate.failed), _check(estimate.check)]
 
 

@@ -165,8 +165,9 @@ def _histogram(study: RecordedSweep, name: str, values: FloatArray, weights: Flo
     edges = _edges(*_ends(values, weights, bound), effective_size(weights), bound) if integers is None else integers
     heights, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges, weights=weights)
     shares, middles = heights / heights.sum(), 0.5 * (edges[:-1] + edges[1:])
-    beyond = np.zeros(len(middles), bool)
-    if limit is not None:
+    if limit is None:
+        beyond = np.zeros(len(middles), bool)
+    else:
         beyond = middles > limit.bound if limit.above else middles < limit.bound
     columns = (edges[:-1], edges[1:], shares, beyond)
     bars = [HistogramBar(*bar) for bar in zip(*(column.tolist() for column in columns), strict=True) if bar[2] > 0.0]

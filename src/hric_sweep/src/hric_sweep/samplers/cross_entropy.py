@@ -117,8 +117,7 @@ class CrossEntropySampler:
             raise HricError(
                 "the sampler received results before it drew points; valid: results of a batch that was drawn"
             )
-        first = sum(len(batch.z) for batch in (*self._adapting, *self._final))
-        in_order(results, first, len(self._open.z))
+        in_order(results, sum(len(batch.z) for batch in (*self._adapting, *self._final)), len(self._open.z))
         done, self._open = with_results(self._open, results), None
         if self._adapted:
             self._final.append(done)

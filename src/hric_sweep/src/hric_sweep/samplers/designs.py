@@ -83,8 +83,7 @@ class Random(Settings):
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: `runs` is missing."""
-        u = np.random.default_rng(seed).random((_required(runs), len(space.names)))
-        return Design(u, drawn=True)
+        return Design(np.random.default_rng(seed).random((_required(runs), len(space.names))), drawn=True)
 
 
 @dataclass(frozen=True)

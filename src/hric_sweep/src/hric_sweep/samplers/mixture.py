@@ -126,7 +126,6 @@ def _factor(deviations: FloatArray, weights: FloatArray, size: float) -> FloatAr
     """Return the Cholesky factor of a component's covariance, shrunk towards the identity, with bounded eigenvalues."""
     n = deviations.shape[1]
     towards = min(1.0, max(SHRINKAGE, (n + 1) / max(size, 1e-9)))
-    covariance = (1.0 - towards) * (deviations.T * weights) @ deviations + towards * np.eye(n)
-    values, axes = np.linalg.eigh(covariance)
+    values, axes = np.linalg.eigh((1.0 - towards) * (deviations.T * weights) @ deviations + towards * np.eye(n))
     bounded: FloatArray = (axes * np.clip(values, NARROWEST**2, WIDEST**2)) @ axes.T
     return np.linalg.cholesky(0.5 * (bounded + bounded.T)).astype(float)

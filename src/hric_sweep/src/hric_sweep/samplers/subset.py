@@ -122,8 +122,7 @@ class SubsetSampler:
         """Accept the points above the level; other chains stay at their previous points. Adapt the correlation a."""
         before, above = self._steps[-1], batch.margins > self._level
         z = np.where(above[:, None], batch.z, before.z)
-        margins = np.where(above, batch.margins, before.margins)
-        self._steps.append(ChainState(z, margins))
+        self._steps.append(ChainState(z, np.where(above, batch.margins, before.margins)))
         spread = (1.0 - self._a**2) * math.exp(0.5 * (float(above.mean()) - ACCEPTED))
         self._a = min(max(math.sqrt(max(1.0 - spread, 0.0)), 0.3), 0.98)
 

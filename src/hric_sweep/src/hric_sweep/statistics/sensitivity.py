@@ -68,8 +68,7 @@ def indices(space: Space, output: FloatArray, seed: int = 0, level: float = LEVE
     random = np.random.default_rng(seed)
     first, total = _indices(blocks)
     resampled = [_indices(blocks[:, random.integers(0, rows, rows)]) for _ in range(RESAMPLES)]
-    shares = [50.0 * (1.0 - level), 50.0 * (1.0 + level)]
-    ends = np.nanpercentile(np.array(resampled), shares, axis=0)
+    ends = np.nanpercentile(np.array(resampled), [50.0 * (1.0 - level), 50.0 * (1.0 + level)], axis=0)
     return {
         name: Index(
             float(first[i]),

@@ -92,8 +92,7 @@ def _draw_frames(ax: Axes3D, frames: list[FloatArray]) -> None:
     ax.plot(*origins.T, "-o", color="#222222", linewidth=2.0, markersize=3.0)
     for T in frames:
         for axis, color in enumerate(AXES):
-            line = np.stack([T[:3, 3], T[:3, 3] + AXIS_LENGTH * T[:3, axis]])
-            ax.plot(*line.T, color=color, linewidth=1.2)
+            ax.plot(*np.stack([T[:3, 3], T[:3, 3] + AXIS_LENGTH * T[:3, axis]]).T, color=color, linewidth=1.2)
     middle, half = origins.mean(axis=0), max(0.5 * float(np.ptp(origins, axis=0).max()), 0.1) + AXIS_LENGTH
     for limits, value in zip((ax.set_xlim, ax.set_ylim, ax.set_zlim), middle, strict=True):
         limits(value - half, value + half)

@@ -98,8 +98,7 @@ class FrameDecoder:
         number = reader.count(20)
         positions = reader.array(VECTOR, number)
         ids = reader.unpack(struct.Struct(f"<{number}i"))
-        sizes = reader.unpack(struct.Struct(f"<{number}f"))
-        markers = tuple(map(BodyMarker, positions, ids, sizes))
+        markers = tuple(map(BodyMarker, positions, ids, reader.unpack(struct.Struct(f"<{number}f"))))
         mean_error, *flags = reader.unpack(self._layout.body_tail)
         return RigidBody(head[0], head[1:4], head[4:8], mean_error, flags[0] if flags else TRACKED, markers)
 

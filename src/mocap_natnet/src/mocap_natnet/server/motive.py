@@ -45,6 +45,9 @@ _ACCEPTED = frozenset(
 )
 """Commands that are acknowledged, but have no effect here."""
 
+MAX_CLIENTS = 32
+"""Largest number of unicast clients; further ones get no response (project default, unconfirmed)."""
+
 
 @dataclass
 class _Client:
@@ -176,7 +179,7 @@ class Motive:
         if client := self._clients.get(sender):
             client.received = time
         if message == NatNetMessage.CONNECT:
-            return [(self._connect(datagram[HEADER.size :], sender, time), sender)]
+            return self._connect(datagram[HEADER.size :], sender, time)
         if message == NatNetMessage.DISCOVERY:
             return [(self._server_info(self._version), sender)] if self._version >= (3, 0) else []
         if message == NatNetMessage.REQUEST_MODELDEF:
@@ -205,12 +208,14 @@ class Motive:
         """Return True if a unicast client may request this bitstream."""
         return self.settings.transport == "unicast" and self._version >= (3, 0) and (3, 0) <= version <= self._version
 
-    def _connect(self, payload: bytes, sender: Address, time: float) -> bytes:
+    def _connect(self, payload: bytes, sender: Address, time: float) -> Outgoing:
+        if sender not in self._clients and len(self._clients) >= MAX_CLIENTS:
+            return []
         requested = packets.decode_connect(payload).version
         version = requested if requested and self._may_speak(requested) else self._version
         if self.settings.transport == "unicast":
             self._clients[sender] = _Client(version, time)
-        return self._server_info(version)
+        return [(self._server_info(version), sender)]
 
     def _server_info(self, version: Version) -> bytes:
         settings = self.settings

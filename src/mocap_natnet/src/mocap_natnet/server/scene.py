@@ -210,10 +210,10 @@ class ServedScene:
         return d.ServerModel(tuple(descriptions))
 
     def _hidden(self, name: str, time: float) -> bool:
-        for begin, duration, who in self.faults.occlusions:
-            if begin <= time < begin + duration and who in ("", name):
-                return True
-        return self._blinks.at(time)
+        hidden = (
+            begin <= time < begin + duration and who in ("", name) for begin, duration, who in self.faults.occlusions
+        )
+        return any(hidden) or self._blinks.at(time)
 
     def _noisy(self, pose: Pose, noise: Sequence[float]) -> Pose:
         faults, (x, y, z), orientation = self.faults, pose.position, pose.orientation

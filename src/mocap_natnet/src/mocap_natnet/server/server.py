@@ -19,6 +19,9 @@ LATE = 1.0
 """Delay beyond which a stream skips frames instead of catching up [s] (project default, unconfirmed)."""
 IDLE = 0.1
 """Longest sleep of the server's thread, after which it notices that it is to end [s]."""
+REQUESTS = 100
+"""Largest number of requests processed between two frames, so that a flood of them stops no stream (project default,
+unconfirmed)."""
 STANDING = 0.005
 """Sleep of the server's thread while the stream pauses, as it does in a paused run [s]."""
 
@@ -138,9 +141,9 @@ class MotiveServer:
         return 0.0 if until <= self.time else STANDING
 
     def _respond(self, wait: float) -> None:
-        """Wait for a datagram for at most `wait` [s], and respond to all that have arrived."""
+        """Wait for a datagram for at most `wait` [s], and respond to those that have arrived."""
         ready, _, _ = select.select([self._command], [], [], wait)
-        while ready:
+        for _ in range(REQUESTS if ready else 0):
             try:
                 datagram, sender = self._command.recvfrom(MAX_DATAGRAM, socket.MSG_DONTWAIT)
             except BlockingIOError:

@@ -82,9 +82,7 @@ class PoseValidator:
         if abs(math.hypot(*pose.orientation) - 1.0) > UNIT_ERROR:
             return "not a unit quaternion"
         (x, y, z), (x0, y0, z0), (x1, y1, z1) = pose.position, self._volume.low, self._volume.high
-        if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
-            return "outside the volume"
-        return ""
+        return "" if x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1 else "outside the volume"
 
     def _wrong(self, body: int, pose: Pose, exposed: float, received: float) -> str:
         if reason := self._impossible(pose):

@@ -21,6 +21,9 @@ RECEIVE = 1 << 10
 sends less than 200 (project default, unconfirmed)."""
 LARGEST_PROGRAM = 1 << 20
 """Largest program [bytes]; ur_rtde's has 60 kB (project default, unconfirmed)."""
+MAX_CLIENTS = 64
+"""Largest number of clients; beyond it, the oldest one that has sent nothing is disconnected, or else the new one
+(project default, unconfirmed)."""
 LONGEST_LINE = 1024
 """Longest dashboard command [bytes] (project default, unconfirmed)."""
 MAX_UNSENT = 1 << 16
@@ -120,7 +123,7 @@ class ScriptSession:
         """Start the program when it is complete. Raises RtdeError for another program."""
         if len(received) > LARGEST_PROGRAM or not b"def rtde_control():\n".startswith(received[:20]):
             raise RtdeError("a program that is not ur_rtde's control script; no other URScript is emulated")
-        if program := self._program.match(received):
+        if b"\nend\n" in received and (program := self._program.match(received)):
             offset = self._offset.search(program[0])
             if offset is None or int(offset[1]) not in (0, 24):
                 raise RtdeError("a control script without a register offset of 0 or 24, as ur_rtde 1.6 writes it")
@@ -189,12 +192,14 @@ class _Client:
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.socket, self.session = connected, session
         self.received, self.unsent = bytearray(), bytearray(session.greeting)
+        self.silent = True
 
     def receive(self) -> None:
         """Process what has arrived. Raises RtdeError, or OSError if the client is gone."""
         data = self.socket.recv(RECEIVE)
         if not data:
             raise ConnectionResetError("closed by the client")
+        self.silent = False
         self.received += data
         self.unsent += self.session.feed(self.received)
         if len(self.unsent) > MAX_UNSENT:
@@ -265,6 +270,8 @@ class UrServer:
             return
         self._clients.append(client)
         self._selector.register(client.socket, selectors.EVENT_READ, client)
+        if len(self._clients) > MAX_CLIENTS:
+            self._drop(next((one for one in self._clients if one.silent), client))
 
     def _guarded(self, client: _Client, call: Callable[[], None]) -> None:
         if client not in self._clients:

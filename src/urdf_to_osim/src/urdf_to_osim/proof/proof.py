@@ -140,8 +140,7 @@ class _Prover:
         paths = [name for joint in self.joints for name in conversion.joints[joint.name].paths]
         self.reading = Reading(path, paths, {name: frame.path for name, frame in conversion.frames.items()})
         # Joints with one coordinate, as pinocchio reads them, and its index.
-        counts = [len(conversion.joints[joint.name].coordinates) for joint in self.joints]
-        starts = np.cumsum([0, *counts])
+        starts = np.cumsum([0, *[len(conversion.joints[joint.name].coordinates) for joint in self.joints]])
         self.single = {
             joint.name: (self.oracle.described(joint), int(start))
             for joint, start in zip(self.joints, starts, strict=False)

@@ -60,8 +60,7 @@ class JointGenerator(MotionGenerator):
         """Bridge a lost packet with constant acceleration."""
         dt, state, self._lost = self._dt, self._state, True
         dq = [v + a * dt for v, a in zip(state.dq_d, state.ddq_d, strict=True)]
-        q = [x + v * dt for x, v in zip(state.q_d, dq, strict=True)]
-        return self._take(q, dq, state.ddq_d)
+        return self._take([x + v * dt for x, v in zip(state.q_d, dq, strict=True)], dq, state.ddq_d)
 
     def _take(self, q: list[float], dq: list[float], ddq: list[float]) -> Errors:
         state = self._state

@@ -112,7 +112,7 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
     missing = [] if arms else ["no observation.wrench: the bag has no franka_msgs/FrankaState"]
     missing += [] if commanded else ["no action: the joints have no commands of one unit"]
     added = [f"note: {note}" for note in run_notes.of_table(tables)]
-    notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
+    notes = (*(topic.how_old(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
     return RunEpisode(task, str(robot.get("arm_id") or "unknown"), features, notes)
 
 
@@ -122,21 +122,6 @@ def _commanded(log: TopicTable) -> tuple[float, float] | None:
     rows = np.flatnonzero(np.isfinite([column.values for column in columns]).all(axis=0))
     known = all(column.unit for column in columns) and len(rows)
     return (float(log.time[rows[0]]), float(log.time[rows[-1]])) if known else None
-
-
-def _check_known(feature: str, table: TopicTable, columns: list[str], times: FloatArray) -> None:
-    """Raise ExportError if a sample from which a frame is computed is not known (NaN): splines would invent it."""
-    named = table.named()
-    data = np.column_stack([np.asarray(named[name].values, dtype=float) for name in columns])
-    first, end = np.searchsorted(table.time, times[0], "right") - 1, np.searchsorted(table.time, times[-1]) + 1
-    if len(wrong := np.argwhere(~np.isfinite(data[max(first, 0) : end]))):
-        row, column = wrong[0]
-        time = table.time[max(first, 0) + row]
-        other = "" if feature == ACTION else f"; leave the topic {table.topic} out by --topics"
-        raise ExportError(
-            f"format lerobot: {columns[column]} of {feature} is not known (NaN) at {time:.3f} s; valid: known values "
-            f"in every frame{other}"
-        )
 
 
 def _columns_of_log(log: TopicTable) -> dict[str, list[str]]:
@@ -150,8 +135,14 @@ def _name_of_person(topic: str) -> str:
 
 
 def _feature(name: str, topic: SampledTopic, table: TopicTable, columns: list[str], times: FloatArray) -> Feature:
-    _check_known(name, table, columns, times)
-    values = topic.values(columns, times)
+    values = topic.newest(columns, times)
+    if len(wrong := np.argwhere(~np.isfinite(values))):
+        row, column = wrong[0]
+        other = "" if name == ACTION else f"; leave the topic {table.topic} out by --topics"
+        raise ExportError(
+            f"format lerobot: {columns[column]} of {name} is not known (NaN) at {times[row]:.3f} s; valid: known "
+            f"values in every frame{other}"
+        )
     if tuple(columns) == WRENCH:
         return Feature(WRENCH_NAMES, WRENCH_UNITS, values)
     units = {column.name: column.unit for column in table.columns}

@@ -57,8 +57,7 @@ def arm_errors(samples: MuscleSamples, k: int, joints: tuple[str, ...], muscle: 
 
 def fit_error(samples: MuscleSamples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FitError:
     """Return the errors of the fitted muscle k at samples that were not used in its fit."""
-    acts = [joints.index(name) for name in muscle.length.joints]
-    q = samples.q[:, acts]
+    q = samples.q[:, [joints.index(name) for name in muscle.length.joints]]
     arms, worst = arm_errors(samples, k, joints, muscle), {}
     for centre, parts in muscle.pulls.items():
         missed = np.stack([part.values(q) for part in parts], axis=1) - samples.pulls[centre][:, k]

@@ -34,8 +34,7 @@ def planar_hand(data: DataSet) -> dict[str, float]:
     joints = tuple(person.joints.index(f"right_{name}") for name in ("sh_abd", "el_flex"))
     chain = person.hand.posed(q)
     columns = np.array(chain.velocities(chain.point(person.hand.p_link_hand)))
-    J = columns[[person.hand.joints.index(index) for index in joints], :2].T
-    inverse = np.linalg.inv(J)
+    inverse = np.linalg.inv(columns[[person.hand.joints.index(index) for index in joints], :2].T)
     return {"ratio": _ratio(inverse.T @ joint_stiffness(q, joints) @ inverse)}
 
 
