@@ -132,7 +132,9 @@ def test_nothing_outlives_a_bring_up_that_is_killed(start: Start) -> None:
 
 def test_nodes_end_with_a_roslaunch_that_is_killed(start: Start) -> None:
     file = f"{ROOT}/src/hric_bringup/launch/bringup.launch"
-    system = start(file, "env:=sim", "rviz:=false", "controller:=none", program="/usr/bin/roslaunch")
+    system = start(
+        file, "env:=sim", "rviz:=false", "controller:=none", program="/usr/bin/roslaunch", PYTHONUNBUFFERED="1"
+    )
     wait_for(lambda: "running" in system.output, ENDS, "the robot")
     os.kill(system.process.pid, signal.SIGKILL)
     system.process.wait()
