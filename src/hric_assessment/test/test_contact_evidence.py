@@ -377,7 +377,7 @@ def test_contacts_of_a_real_person_are_assessed_where_they_are_recorded(tmp_path
     ("force", "outcome", "reason"),
     [
         (139.0, Outcome.WITHIN, "nothing but the grips"),
-        (141.0, Outcome.NOT_ASSESSABLE, "reaches 141.0 N, limit 140.0 N"),
+        (141.0, Outcome.NOT_ASSESSABLE, "quasi-static force 141.0 of 140.0 N"),
         (math.nan, Outcome.NOT_ASSESSABLE, "the force of the grip is not known"),
     ],
 )

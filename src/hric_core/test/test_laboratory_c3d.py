@@ -198,7 +198,7 @@ def test_frames_that_nothing_states_are_told(tmp_path: Path) -> None:
     at = content.index(b"FRAMES") + len("FRAMES") + 4
     assert content[at : at + 2] == frames
     left_out = read_trial(with_words(path, {8: struct.pack("<H", 7), at: struct.pack("<H", 7)})).left_out
-    assert any("bytes after the 7 frames that its header states" in sentence for sentence in left_out)
+    assert any("bytes after the 7 frames stated in the header" in sentence for sentence in left_out)
 
 
 @pytest.mark.parametrize("rate", [-100.0, 1e6, math.nan])

@@ -211,6 +211,11 @@ def _ratios(force: Episode, site: ContactSite, limit: ContactLimit) -> list[Limi
     return _of_pair(force.transient.peak, held, site.contact_area, limit)
 
 
+def held_ratio(force: float, limit: ContactLimit) -> LimitRatio:
+    """Return a force that is held [N] with the limit of a quasi-static contact."""
+    return LimitRatio("quasi-static force", force, limit.force.quasi_static, limit.force.label, "N", 1.0)
+
+
 def _of_pair(peak: float, held: float | None, area: float | None, limit: ContactLimit) -> list[LimitRatio]:
     ratios = _pair("force", peak, held, limit.force, "N", 1.0)
     if area is not None and limit.pressure is not None:

@@ -4,6 +4,7 @@ Each episode is judged by the recorded force, and by its approach speed with the
 of the two decides.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -11,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from hric_assessment.contact.area import check_area
-from hric_assessment.contact.assess import ContactSite, LimitRatio, assess
+from hric_assessment.contact.assess import ContactSite, LimitRatio, assess, held_ratio
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
 from hric_assessment.contact.episodes import PENALTY, Episode, end_of, episodes, window_of
@@ -214,12 +215,9 @@ class _Judge:
         of_link, links = {} if self._body is None else self._body.regions, (grip.holder, grip.held)
         found = [region.name for body in links for region in of_link.get(body.rpartition("::")[2], ())]
         limit, force = self._choices.limits.at(found or [HAND]), np.linalg.norm(grip.force[grip.closed], axis=1)
-        if limit is None or (force <= limit.force.quasi_static).all():
+        if limit is None or (largest := held_ratio(float(force.max(initial=0.0)), limit)).ratio <= 1.0:
             return None
-        reason = "the force of the grip is not known"
-        if np.isfinite(force).all():
-            bound = f"limit {limit.force.quasi_static:.1f} N ({limit.force.label})"
-            reason = f"the force of the grip reaches {force.max():.1f} N, {bound}; {BEYOND}"
+        reason = f"{largest}; {BEYOND}" if math.isfinite(largest.ratio) else "the force of the grip is not known"
         time, name = grip.time[grip.closed], self._record.name
         return Finding(
             f"grip {grip.name} of {grip.held} by {grip.holder}",
