@@ -238,6 +238,7 @@ def contents(folder: Path) -> dict[str, tuple[int, int]]:
 def answer(command: list[str], home: Path, environment: dict[str, str]) -> str:
     """Run a command with invalid arguments, check exit code and written files, and return its error message."""
     own = {"HOME": str(home), "ROS_HOME": str(home / "ros"), "HRIC_RUNS": str(home / "runs"), "ROS_MASTER_URI": NOBODY}
+    own["XDG_CACHE_HOME"] = str(home.parent / "cache")  # a description read before the mistake may be kept there
     before = contents(home)
     done = subprocess.run(
         command,

@@ -18,7 +18,7 @@ from hric_core.command import Command
 OLD = (ROOT / "tests/manual/rosrun_lines.txt").read_text().splitlines()
 ALIAS = re.compile(r'alias\("(\w+)"\)')
 INLINE = re.compile(r"`(hric [^`]+)`")
-PLACEHOLDER = re.compile(r"[\[{]|\.\.\.|hric (COMMAND|--help)")
+PLACEHOLDER = re.compile(r"[\[{]|\.\.\.|hric (COMMAND|--help|--version)")
 """Pattern of templates of command lines, which are not complete command lines."""
 
 
