@@ -60,6 +60,12 @@ static inline int expect(Py_ssize_t count, Py_ssize_t expected, const char *usag
     return count == expected;
 }
 
+/* Return the value of a number; -1 with a Python error set on failure. */
+static inline double number(PyObject *object)
+{
+    return PyFloat_CheckExact(object) ? PyFloat_AS_DOUBLE(object) : PyFloat_AsDouble(object);
+}
+
 /* Copy the numbers of a sequence of length n to `out`; return 0 with a Python error set on failure. */
 static inline int take(PyObject *sequence, Py_ssize_t n, double *out)
 {
@@ -69,10 +75,13 @@ static inline int take(PyObject *sequence, Py_ssize_t n, double *out)
     if (PySequence_Fast_GET_SIZE(fast) != n)
         PyErr_Format(PyExc_ValueError, "%zd numbers are needed, got %zd", n, PySequence_Fast_GET_SIZE(fast));
     PyObject **items = PySequence_Fast_ITEMS(fast);
-    for (Py_ssize_t i = 0; PyErr_Occurred() == NULL && i < n; i++)
-        out[i] = PyFloat_AsDouble(items[i]);
+    int failed = PySequence_Fast_GET_SIZE(fast) != n;
+    for (Py_ssize_t i = 0; !failed && i < n; i++) {
+        out[i] = number(items[i]);
+        failed = out[i] == -1.0 && PyErr_Occurred() != NULL;
+    }
     Py_DECREF(fast);
-    return PyErr_Occurred() == NULL;
+    return !failed;
 }
 
 /* Copy a buffer of `size` bytes to `out`; return 0 with a Python error set on failure. */

@@ -32,11 +32,6 @@ static Py_ssize_t rows(const char *usage, PyObject *const *given, Py_ssize_t cou
     return n;
 }
 
-static double number(PyObject *object)
-{
-    return PyFloat_CheckExact(object) ? PyFloat_AS_DOUBLE(object) : PyFloat_AsDouble(object);
-}
-
 /* Define a function of `size` lists that returns True if a condition on x, an element of each list, always holds. */
 #define EVERY(name, usage, size, condition)                                                                            \
     FUNCTION(name)                                                                                                     \

@@ -94,7 +94,7 @@ class _Delayed:
                     raise refused(f"{settings.prefix}{name}", delay, f"a multiple of the cycle, {cycle:g} s")
         mistakes.raise_all()
         self._joint, self._hand, self._force = (-1 - late for late in cycles)
-        self._past: deque[tuple[tuple[float, ...], tuple[float, ...], Vector]] = deque(maxlen=max(cycles) + 1)
+        self._past: deque[tuple[tuple[tuple[float, ...], tuple[float, ...]], Vector]] = deque(maxlen=max(cycles) + 1)
         self._pose = hand
         deviations = (
             [settings.joint_noise] * count
@@ -109,15 +109,15 @@ class _Delayed:
 
     def sensed(self, q: Sequence[float], dq: Sequence[float], force: Vector) -> Senses:
         """Store the current state and return the delayed one; before the first delay has passed, the initial state."""
-        past, now = self._past, (tuple(q), tuple(dq), force)
+        past, muscles = self._past, (tuple(q), tuple(dq))
         if not past:
-            past.extend([now] * (past.maxlen or 1))
+            past.extend([(muscles, force)] * (past.maxlen or 1))
         else:
-            past.append(now)
-        late_q, late_dq, _ = past[self._joint]
-        hand_q, late_force = past[self._hand][0], past[self._force][2]
+            past.append((muscles, force))
+        late_q, late_dq = past[self._joint][0]
+        hand_q, late_force = past[self._hand][0][0], past[self._force][1]
         if not self._noisy:
-            return Senses(late_q, late_dq, late_force, lambda: self._pose(hand_q), now[:2])
+            return Senses(late_q, late_dq, late_force, lambda: self._pose(hand_q), muscles)
         if not self._block:
             drawn = self._random.standard_normal((NOISE_BLOCK, len(self._deviations)))
             self._block = (drawn * self._deviations).tolist()
@@ -128,7 +128,7 @@ class _Delayed:
             vectors.add(late_dq, noise[n : 2 * n]),
             (x + noise[-3], y + noise[-2], z + noise[-1]),
             lambda: _shaken(self._pose(hand_q), noise[-9:-3]),
-            now[:2],
+            muscles,
         )
 
 

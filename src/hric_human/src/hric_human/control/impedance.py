@@ -13,7 +13,7 @@ from hric_human.control.kinematics import own_weight
 from hric_human.control.recorded import RECORDED
 from hric_human.control.references import REFERENCES, Reference, ReferenceSettings
 
-_compiled = load("hric_human_impedance")
+_Impedance = load("hric_human_impedance").Impedance
 DAMPING = 0.05
 """Ratio of damping to stiffness [s] (PMC2784227, which gives it for each muscle)."""
 
@@ -129,10 +129,11 @@ class ImpedanceArm(HumanController):
         published = settings.stiffness is None
         stiffness = [row.relaxed for row in rows] if published else settings.stiffness
         growth = settings.growth or [row.growth if published else 0.0 for row in rows]
-        self._lead = DAMPING if settings.damping is None else 0.0  # damping per stiffness [s]
-        self._impedance = list(stiffness), list(growth), list(settings.damping or [0.0] * len(rows))
-        self._cross = couplings(person.joints) if published else [], (CROSS.relaxed, CROSS.growth, CROSS_LIMIT)
-        self._reflex, self._weight = settings.reflex, person.own_weight
+        damping = settings.damping or [0.0] * len(rows)
+        lead = DAMPING if settings.damping is None else 0.0  # damping per stiffness [s]
+        cross = couplings(person.joints) if published else [], (CROSS.relaxed, CROSS.growth, CROSS_LIMIT)
+        self._law = _Impedance(stiffness, growth, damping, settings.reflex, lead, *cross)
+        self._weight = person.own_weight
         if settings.load > 0.0:
             hand = person.body.segments[f"{person.side}_hand"].link
             self._weight = own_weight(person.body, person.gravity, {hand: settings.load})
@@ -170,11 +171,10 @@ class ImpedanceArm(HumanController):
 
     def update(self, time: float, senses: Senses) -> Sequence[float]:
         """Return the joint torque of the impedance law, n floats [N m]."""
-        self._reference.feel(time, senses.force)
-        q_ref, dq_ref = self._reference.at(time)
-        weight = self._weight(senses.q)
+        reference, late_q = self._reference, senses.q
+        if reference.feels:
+            reference.feel(time, senses.force)
+        q_ref, dq_ref = reference.at(time)
         q, dq = senses.muscles
-        tau: list[float] = _compiled.torque(
-            *self._impedance, q_ref, dq_ref, q, dq, senses.q, senses.dq, weight, self._reflex, self._lead, *self._cross
-        )
+        tau: list[float] = self._law.torque(q_ref, dq_ref, q, dq, late_q, senses.dq, self._weight(late_q))
         return tau

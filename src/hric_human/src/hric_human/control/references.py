@@ -16,7 +16,9 @@ from hric_human.hand import Hand, Motion, program_of
 from hric_human.hand.programs import with_programs
 from hric_human.signals import RestToRest
 
-_cubic: Callable[..., tuple[list[float], list[float]]] = load("hric_human_impedance").cubic
+_compiled = load("hric_human_impedance")
+_cubics: Callable[..., bytes] = _compiled.cubics
+_cubic: Callable[[bytes, float, float], tuple[list[float], list[float]]] = _compiled.cubic
 KNOT = 0.02
 """Time between two hand poses for which joint angles are computed [s] (project default, unconfirmed)."""
 Joints = list[float]
@@ -27,6 +29,8 @@ class Reference:
 
     end = math.inf
     """Time from the start of the motion to rest [s]; infinite if unknown."""
+    feels = True
+    """False if `feel` has no effect and need not be called."""
 
     def start(self, time: float) -> None:
         """Start the motion at a time [s]."""
@@ -53,6 +57,8 @@ class ReferenceSettings(Settings):
 class Still(Reference):
     """Reference that stays at joint positions q, n floats [rad]."""
 
+    feels = False
+
     def __init__(self, q: Sequence[float]) -> None:
         self._at = list(q), [0.0] * len(q)
 
@@ -77,6 +83,8 @@ class JointPoints(Reference):
         times: increasing times since the start [s].
         rows: joint angles at each time, n floats [rad].
     """
+
+    feels = False
 
     def __init__(self, times: Sequence[float], rows: Sequence[Joints]) -> None:
         self._path, self._zero, self.end = RestToRest(times, rows), math.inf, times[-1]
@@ -142,10 +150,11 @@ class AngleRows(Reference):
         more: function that computes the next row when it is needed; None: the motion ends with the last row.
     """
 
+    feels = False
+
     def __init__(self, interval: float, rows: list[Joints], more: Callable[[], Joints] | None = None) -> None:
         self._interval, self._rows, self._more = interval, rows, more
-        self._still, self._piece = [0.0] * len(rows[0]), -1
-        self._cubics: list[tuple[float, ...]] = []
+        self._still, self._piece, self._cubics = [0.0] * len(rows[0]), -1, b""
         self._zero = math.inf
         self.end = math.inf if more else (len(rows) - 1) * interval
 
@@ -168,19 +177,13 @@ class AngleRows(Reference):
                 self._rows.append(self._more())
             if piece >= len(self._rows) - 1:
                 return self._rows[-1], self._still
-            self._piece, self._cubics = piece, list(zip(*_cubics(self._rows, piece), strict=True))
-        return _cubic(*self._cubics, steps - piece, 1.0 / self._interval)
+            self._piece, self._cubics = piece, self._new_cubics(piece)
+        return _cubic(self._cubics, steps - piece, 1.0 / self._interval)
 
-
-def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, float, float]]:
-    """Return each joint's cubic between row `piece` and the next; velocities at rows are central differences."""
-    before, start = rows[max(piece - 1, 0)], rows[piece]
-    goal, after = rows[piece + 1], rows[min(piece + 2, len(rows) - 1)]
-    coefficients = []
-    for p, a, b, n in zip(before, start, goal, after, strict=True):
-        v, w = 0.5 * (b - p), 0.5 * (n - a)
-        coefficients.append((a, v, 3.0 * (b - a) - 2.0 * v - w, 2.0 * (a - b) + v + w))
-    return coefficients
+    def _new_cubics(self, piece: int) -> bytes:
+        """Return the cubics between row `piece` and the next; velocities at rows are central differences."""
+        rows = self._rows
+        return _cubics(rows[max(piece - 1, 0)], *rows[piece : piece + 2], rows[min(piece + 2, len(rows) - 1)])
 
 
 class HandReference(Reference):
@@ -201,6 +204,7 @@ class HandReference(Reference):
     def __init__(self, person: Person, motion: Motion, oriented: bool) -> None:
         self._program = program_of(motion, person.seed)
         self._hand, self._where = Hand(self._program, motion.begin), motion.prefix
+        self.feels = self._hand.feels
         self._solver = HandSolver(person.hand, person.lower, person.upper, person.rest, oriented)
         self._T_root_world, self._knots = inverse(person.T_world_root), 0
         self._target, end = self._pose(0), self._program.span[1]

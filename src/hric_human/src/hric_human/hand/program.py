@@ -41,11 +41,14 @@ class Hand:
     Args:
         program: program that moves the hand. Before `start` the hand rests at the program's first pose.
         begin: rest between the call of `start` and program time 0 [s].
+
+    Attributes:
+        feels: False if the program ignores forces.
     """
 
     def __init__(self, program: Program, begin: float = 0.0) -> None:
         self._program, self._begin, self._lock = program, begin, threading.RLock()
-        self._zero = math.inf
+        self._zero, self.feels = math.inf, type(program).feel is not Program.feel
 
     def start(self, time: float) -> float:
         """Start the program `begin` seconds after `time` [s], and return the program's start time [s].
@@ -61,8 +64,8 @@ class Hand:
 
     def since(self, time: float) -> float:
         """Convert robot time to program time [s]; negative before the program's start."""
-        with self._lock:
-            return time - self._zero if self._zero < math.inf else BEFORE
+        zero = self._zero  # read once: another thread may start the program
+        return time - zero if zero < math.inf else BEFORE
 
     def __call__(self, time: float) -> Pose:
         """Return the pose of the hand at robot time `time` [s]."""
