@@ -5,7 +5,6 @@ what control loops need is compiled (`kdl_solvers.cpp`), with the same results b
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 import PyKDL
@@ -33,9 +32,12 @@ def tree_gravity(
 
     Args:
         count: number of joints of the tree.
-        chains: chains of the tree with the indices of their joints; each link has mass in one of them only.
+        chains: chains of the tree from the same root, with the indices of their joints; each link has mass in one of
+            them only.
     """
-    return partial(_kdl.tree_gravity, count, [(chain.gravity_list, tuple(indices)) for chain, indices in chains])
+    gravity: Callable[[Sequence[float]], list[float]]
+    gravity = _kdl.tree_gravity(count, [(chain.gravity_list, tuple(indices)) for chain, indices in chains])
+    return gravity
 
 
 def _numbers(segment: ChainSegment) -> list[float]:

@@ -3,6 +3,7 @@
    zero. */
 #include <hric_core/python_numbers.h>
 
+#include <algorithm>
 #include <array>
 #include <exception>
 #include <memory>
@@ -19,7 +20,7 @@ namespace
 /* Count of numbers of a segment, in the order of `_numbers` in kdl_chain.py. */
 constexpr int SEGMENT = 26;
 /* Joints of a tree at most. */
-constexpr std::size_t MOST = 64;
+constexpr int MOST = 64;
 
 KDL::Segment segment(const double* s)
 {
@@ -30,12 +31,26 @@ KDL::Segment segment(const double* s)
   return KDL::Segment(joint, KDL::Frame(R, p), KDL::RigidBodyInertia(s[16], KDL::Vector(s[17], s[18], s[19]), tensor));
 }
 
-/* A moving part of the arm: its constant segment, and intermediate results of the last torque. */
+/* A moving part of the arm: its joint in the frame of the part before, mass, first moment of mass, and intermediate
+   results of the last torque: pose in the part before, axis of the joint and acceleration in the own frame, force. */
 struct Part
 {
-  KDL::Segment segment;
+  explicit Part(const double* s)
+    : revolute(s[0] != 0.0),
+      origin(s[1], s[2], s[3]),
+      axis(segment(s).getJoint().JointAxis()),
+      R(s[4], s[5], s[6], s[7], s[8], s[9], s[10], s[11], s[12]),
+      mass(s[16]),
+      moment(mass * KDL::Vector(s[17], s[18], s[19]))
+  {
+  }
+  bool revolute;
+  KDL::Vector origin, axis;
+  KDL::Rotation R;
+  double mass;
+  KDL::Vector moment;
   KDL::Frame pose;
-  KDL::Twist axis;
+  KDL::Vector own_axis, acceleration;
   KDL::Wrench force;
 };
 
@@ -67,28 +82,40 @@ struct Solvers
 struct Arm
 {
   std::vector<Part> parts;
-  KDL::Twist upwards; /* acceleration of the base that has the effect of gravity */
+  KDL::Vector upwards; /* acceleration of the base that has the effect of gravity */
   std::vector<double> q, torque;
   std::unique_ptr<Solvers> solvers;
 };
 
-/* Recursive Newton-Euler for an arm at rest, with the operations of KDL's ChainIdSolver_RNE in the same order, so that
-   the results are equal bit for bit. */
-void hold(Arm& arm)
+/* Recursive Newton-Euler for an arm at rest: the operations of KDL's ChainIdSolver_RNE in the same order, without those
+   on angular accelerations, which are zero, so that the results are equal bit for bit. The motion of the first `shared`
+   parts is that of another arm, which has been computed. */
+void hold(Arm& arm, const Arm& other, std::size_t shared)
 {
-  KDL::Twist acceleration = arm.upwards;
+  const KDL::Vector* before = &arm.upwards;
   for (std::size_t i = 0; i < arm.parts.size(); i++)
   {
     Part& part = arm.parts[i];
-    part.pose = part.segment.pose(arm.q[i]);
-    part.axis = part.pose.M.Inverse(part.segment.twist(arm.q[i], 1.0));
-    acceleration = part.pose.Inverse(acceleration);
-    part.force = part.segment.getInertia() * acceleration;
+    if (i < shared)
+    {
+      part.pose = other.parts[i].pose;
+      part.own_axis = other.parts[i].own_axis;
+      part.acceleration = other.parts[i].acceleration;
+    }
+    else
+    {
+      part.pose.M = part.revolute ? KDL::Rotation::Rot2(part.axis, arm.q[i]) * part.R : part.R;
+      part.pose.p = part.revolute ? part.origin : part.origin + part.axis * arm.q[i];
+      part.own_axis = part.pose.M.Inverse(part.axis);
+      part.acceleration = part.pose.M.Inverse(*before);
+    }
+    part.force = KDL::Wrench(part.mass * part.acceleration, part.moment * part.acceleration);
+    before = &part.acceleration;
   }
   for (std::size_t i = arm.parts.size(); i-- > 0;)
   {
     const Part& part = arm.parts[i];
-    arm.torque[i] = dot(part.axis, part.force);
+    arm.torque[i] = dot(part.own_axis, part.revolute ? part.force.torque : part.force.force);
     if (i > 0)
       arm.parts[i - 1].force = arm.parts[i - 1].force + part.pose * part.force;
   }
@@ -101,7 +128,7 @@ PyObject* gravity(PyObject* capsule, PyObject* position)
   Arm& arm = *static_cast<Arm*>(PyCapsule_GetPointer(capsule, NAME));
   if (!take(position, Py_ssize_t(arm.q.size()), arm.q.data()))
     return nullptr;
-  hold(arm);
+  hold(arm, arm, 0);
   return list(arm.torque.data(), Py_ssize_t(arm.torque.size()));
 }
 
@@ -228,10 +255,10 @@ PyObject* functions_of(PyObject*, PyObject* const* given, Py_ssize_t count)
       Py_XDECREF(row);
       if (!taken)
         return nullptr;
-      arm->parts.push_back(Part{ segment(numbers.data()), {}, {}, {} });
-      chain.addSegment(arm->parts.back().segment);
+      arm->parts.emplace_back(numbers.data());
+      chain.addSegment(segment(numbers.data()));
     }
-    arm->upwards = KDL::Twist(KDL::Vector(-g[0], -g[1], -g[2]), KDL::Vector::Zero());
+    arm->upwards = KDL::Vector(-g[0], -g[1], -g[2]);
     arm->q.resize(std::size_t(n));
     arm->torque.resize(std::size_t(n));
     arm->solvers = std::make_unique<Solvers>(chain, KDL::Vector(g[0], g[1], g[2]));
@@ -244,41 +271,110 @@ PyObject* functions_of(PyObject*, PyObject* const* given, Py_ssize_t count)
   }
 }
 
-/* Return the torques that hold a tree: the sum of those of its chains, whose links each have mass in one chain only. */
+/* Tree of chains whose links each have mass in one chain only. */
+struct Tree
+{
+  struct Chain
+  {
+    Arm* arm;
+    std::vector<int> joints; /* index of each joint in the tree */
+    std::size_t other;       /* index of a chain before this one, or of this one */
+    std::size_t shared;      /* number of first joints that both have in common */
+  };
+  Tree(std::size_t n, PyObject* list) : q(n), held(n), functions(Py_NewRef(list))
+  {
+  }
+  Tree(const Tree&) = delete;
+  Tree& operator=(const Tree&) = delete;
+  ~Tree()
+  {
+    Py_DECREF(functions);
+  }
+  std::vector<Chain> chains;
+  std::vector<double> q, held;
+  PyObject* functions; /* of the chains, so that their arms exist as long as the tree */
+};
+
+const char* TREE = "hric_kdl.Tree";
+
+PyObject* hold_tree(PyObject* capsule, PyObject* position)
+{
+  Tree& tree = *static_cast<Tree*>(PyCapsule_GetPointer(capsule, TREE));
+  if (!take(position, Py_ssize_t(tree.q.size()), tree.q.data()))
+    return nullptr;
+  std::fill(tree.held.begin(), tree.held.end(), 0.0);
+  for (const Tree::Chain& chain : tree.chains)
+  {
+    for (std::size_t k = 0; k < chain.joints.size(); k++)
+      chain.arm->q[k] = tree.q[std::size_t(chain.joints[k])];
+    hold(*chain.arm, *tree.chains[chain.other].arm, chain.shared);
+    for (std::size_t k = 0; k < chain.joints.size(); k++)
+      tree.held[std::size_t(chain.joints[k])] += chain.arm->torque[k];
+  }
+  return list(tree.held.data(), Py_ssize_t(tree.held.size()));
+}
+
+PyMethodDef tree_method = { "gravity", hold_tree, METH_O, "(q) -> torque that holds the tree" };
+
+void release_tree(PyObject* capsule)
+{
+  delete static_cast<Tree*>(PyCapsule_GetPointer(capsule, TREE));
+}
+
+/* Add a chain, given as the gravity of an arm and the indices of its joints; return 0 with a Python error set on
+   failure. */
+int add_chain(Tree& tree, PyObject* given)
+{
+  PyObject *function, *indices;
+  if (!PyArg_ParseTuple(given, "O!O!", &PyCFunction_Type, &function, &PyTuple_Type, &indices))
+    return 0;
+  const std::size_t place = tree.chains.size();
+  Tree::Chain chain{ static_cast<Arm*>(PyCapsule_GetPointer(PyCFunction_GET_SELF(function), NAME)), {}, place, 0 };
+  for (Py_ssize_t k = 0; k < PyTuple_GET_SIZE(indices); k++)
+    chain.joints.push_back(int(PyLong_AsLong(PyTuple_GET_ITEM(indices, k))));
+  if (PyErr_Occurred() || !below(chain.joints.data(), int(chain.joints.size()), int(tree.q.size())))
+    return 0;
+  if (chain.joints.size() != chain.arm->q.size())
+  {
+    PyErr_Format(PyExc_ValueError, "%zu indices are needed, got %zu", chain.arm->q.size(), chain.joints.size());
+    return 0;
+  }
+  for (std::size_t i = 0; i < place; i++)
+  {
+    const std::vector<int>& joints = tree.chains[i].joints;
+    std::size_t same = 0;
+    while (same < joints.size() && same < chain.joints.size() && joints[same] == chain.joints[same])
+      same++;
+    if (same > chain.shared)
+      chain.other = i, chain.shared = same;
+  }
+  tree.chains.push_back(chain);
+  return 1;
+}
+
 PyObject* tree_gravity(PyObject*, PyObject* const* given, Py_ssize_t count)
 {
-  if (!expect(count, 3, "tree_gravity(n, chains, q)"))
+  if (!expect(count, 2, "tree_gravity(n, chains)"))
     return nullptr;
   const Py_ssize_t n = PyLong_AsSsize_t(given[0]);
-  std::array<double, MOST> q{}, held{};
-  if (n < 0 || n > Py_ssize_t(MOST) || !PyList_Check(given[1]))
-    return PyErr_Format(PyExc_ValueError, "0 to %d joints and a list of chains are needed", int(MOST));
-  if (!take(given[2], n, q.data()))
-    return nullptr;
+  if (n < 0 || n > MOST || !PyList_Check(given[1]))
+    return PyErr_Format(PyExc_ValueError, "0 to %d joints and a list of chains are needed", MOST);
+  auto tree = std::make_unique<Tree>(std::size_t(n), given[1]);
   for (Py_ssize_t i = 0; i < PyList_GET_SIZE(given[1]); i++)
-  {
-    PyObject *function, *indices;
-    if (!PyArg_ParseTuple(PyList_GET_ITEM(given[1], i), "O!O", &PyCFunction_Type, &function, &indices))
+    if (!add_chain(*tree, PyList_GET_ITEM(given[1], i)))
       return nullptr;
-    Arm* arm = static_cast<Arm*>(PyCapsule_GetPointer(PyCFunction_GET_SELF(function), NAME));
-    std::array<double, MOST> at{};
-    if (arm == nullptr || arm->q.size() > MOST || !take(indices, Py_ssize_t(arm->q.size()), at.data()))
-      return nullptr;
-    for (std::size_t k = 0; k < arm->q.size(); k++)
-      if (at[k] >= 0.0 && at[k] < double(n))
-        arm->q[k] = q[std::size_t(at[k])];
-      else
-        return PyErr_Format(PyExc_IndexError, "there are %zd joints", n);
-    hold(*arm);
-    for (std::size_t k = 0; k < arm->q.size(); k++)
-      held[std::size_t(at[k])] += arm->torque[k];
-  }
-  return list(held.data(), n);
+  PyObject* capsule = PyCapsule_New(tree.get(), TREE, release_tree);
+  if (capsule == nullptr)
+    return nullptr;
+  static_cast<void>(tree.release());  // the capsule has it now
+  PyObject* made = PyCFunction_New(&tree_method, capsule);
+  Py_DECREF(capsule);
+  return made;
 }
 
 PyMethodDef functions[] = {
   { "functions", FAST(functions_of), "(segments, gravity) -> gravity, mass, coriolis, jacobian of an arm" },
-  { "tree_gravity", FAST(tree_gravity), "(n, [(gravity of a chain, its joints), ...], q) -> torque that holds a tree" },
+  { "tree_gravity", FAST(tree_gravity), "(n, [(gravity of a chain, its joints), ...]) -> gravity of a tree" },
   {}
 };
 
