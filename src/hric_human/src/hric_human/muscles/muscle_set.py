@@ -19,7 +19,7 @@ from hric_human.body.joints import ARM
 from hric_human.control.strength import STRENGTH, mass_factor, strength
 from hric_human.muscles import curves
 from hric_human.muscles.anatomy import Anatomy, Muscle
-from hric_human.muscles.polynomial import IntArray, Polynomial
+from hric_human.muscles.polynomial import Polynomial
 
 SPANNED = {
     "sh_flex": ("upper_arm",),
@@ -35,6 +35,8 @@ STIFFNESS = 75.0
 """Stiffness of a muscle along its line of action, per muscle force [1/m]; PMC2784227."""
 DAMPING_TIME = 0.05
 """Damping of a muscle per stiffness [s]; PMC2784227."""
+WIDTH = 8
+"""Number of rows that `muscles.c` adds up at once."""
 _built = load("hric_muscles")
 
 
@@ -185,10 +187,10 @@ class MuscleSet:
         """Return the muscles of one side, as arguments of the type in `muscles.c`."""
         angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
         products = _Monomials(anatomy)
-        start, term, coefficient = products.rows(muscle.length for muscle in anatomy.muscles.values())
+        size, term, target, coefficient = products.tiles(muscle.length for muscle in anatomy.muscles.values())
         own = [muscle.curves.numbers() for muscle in anatomy.muscles.values() if muscle.curves is not None]
-        sizes = len(angles), len(products.factor), len(anatomy.muscles), len(term), row, column, bool(own)
-        integers = np.concatenate([angles, products.factor, products.angle, start, term])
+        counts = len(products.factor), len(anatomy.muscles), len(size), len(term)
+        integers = np.concatenate([angles, products.factor, products.angle, size, term, target])
         made = [self._scaled(anatomy, muscle, side) for muscle in anatomy.muscles.values()]
         self.scaled += made
         rows = [
@@ -196,6 +198,7 @@ class MuscleSet:
             for muscle in made
         ]
         numbers = [anatomy.lower, anatomy.upper, coefficient, *np.transpose(rows), *own]
+        sizes = len(angles), *counts, row, column, bool(own)
         return sizes, integers.astype(np.intc), np.concatenate(numbers)
 
     def _scaled(self, anatomy: Anatomy, muscle: Muscle, side: str) -> ScaledMuscle:
@@ -238,22 +241,39 @@ class _Monomials:
             self.factor.append(self._indices[_lowered(power, angle)])
             self.angle.append(angle)
 
-    def rows(self, lengths: Iterable[Polynomial]) -> tuple[IntArray, IntArray, FloatArray]:
+    def tiles(self, lengths: Iterable[Polynomial]) -> tuple[list[int], list[int], list[int], list[float]]:
         """Return a sparse matrix whose rows are each muscle's length, followed by its derivatives by each angle.
 
+        Up to WIDTH rows with the same monomials are a tile.
+
         Returns:
-            start of each row, monomial of each entry, coefficient of each entry.
+            number of monomials of each tile; their indices; the rows of each tile, filled up to WIDTH with the number
+                of all rows; for each monomial of each tile its coefficients in these rows, filled up with 0.
         """
-        start, term, coefficient = [0], list[int](), list[float]()
+        alike: dict[tuple[int, ...], list[tuple[int, list[float]]]] = {}
+        row = 0
         for length in lengths:
-            powers = self._powers(length)
+            powers = list(zip(self._powers(length), length.coefficients, strict=True))
             for angle in (None, *range(len(self._joints))):
-                for power, value in zip(powers, length.coefficients, strict=True):
-                    if angle is None or power[angle]:
-                        term.append(self._indices[power if angle is None else _lowered(power, angle)])
-                        coefficient.append(value if angle is None else value * power[angle])
-                start.append(len(term))
-        return np.array(start), np.array(term), np.array(coefficient)
+                entries = [
+                    (p, c) if angle is None else (_lowered(p, angle), c * p[angle])
+                    for p, c in powers
+                    if angle is None or p[angle]
+                ]
+                monomials = tuple(self._indices[power] for power, _ in entries)
+                alike.setdefault(monomials, []).append((row, [value for _, value in entries]))
+                row += 1
+        alike.pop((), None)
+        size, term, target, coefficient = list[int](), list[int](), list[int](), list[float]()
+        for monomials, members in alike.items():
+            for tile in (members[begin : begin + WIDTH] for begin in range(0, len(members), WIDTH)):
+                empty = WIDTH - len(tile)
+                size.append(len(monomials))
+                term += monomials
+                target += [index for index, _ in tile] + [row] * empty
+                for column in zip(*(values for _, values in tile), strict=True):
+                    coefficient += [*column, *[0.0] * empty]
+        return size, term, target, coefficient
 
     def _powers(self, polynomial: Polynomial) -> list[tuple[int, ...]]:
         return [tuple(power) for power in polynomial.powers(self._joints).tolist()]

@@ -3,26 +3,34 @@
 
 #include <math.h>
 
-enum { BELLS = 3, LENGTHS = 91, SPEEDS = 201, OWN = 1 + 3 * LENGTHS + SPEEDS };
+enum { BELLS = 3, LENGTHS = 91, SPEEDS = 201, OWN = 1 + 3 * LENGTHS + SPEEDS, PAIRS = 4, WIDTH = 2 * PAIRS };
+
+/* Two numbers, with which a processor computes at once. */
+typedef double Pair __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double))));
 
 typedef struct {
     double bell[BELLS][4], passive_shape, passive_strain, shortest, velocity[4], max_velocity;
 } Curves;
 
 /* Muscles of one arm. Monomial 0 is 1; each other is an earlier monomial (factor) times an angle. The sparse matrix has
-   for each muscle a row for its length, followed by a row for its derivative by each angle. */
+   for each muscle a row for its length, followed by a row for its derivative by each angle. WIDTH rows with the same
+   monomials are a tile, so that several of them are added up at once. */
 typedef struct {
     int joints, monomials, muscles, row, column; /* row, column: index of the arm's first muscle and first joint */
-    int *place, *factor, *angle, *start,
-        *term; /* place: index of each angle in q; start: first entry of each row; term: monomial of each entry */
-    double *lower, *upper, *coefficient, *force, *optimal, *slack, *scale; /* scale: subject's lengths per model's */
-    double *own;       /* SampledCurves.numbers() of each muscle, or NULL if the muscles have the built-in curves */
-    double *x, *value; /* angles clipped to the range, monomials */
+    int tiles, *place, *factor, *angle;          /* place: index of each angle in q */
+    int *size, *term, (*target)[WIDTH]; /* of each tile: number and indices of its monomials, its rows, one past the
+                                           last row for none */
+    double *lower, *upper;
+    Pair (*coefficient)[PAIRS];              /* of each monomial of each tile in its rows */
+    double *force, *optimal, *slack, *scale; /* scale: subject's lengths per model's */
+    double *own; /* SampledCurves.numbers() of each muscle, or NULL if the muscles have the built-in curves */
+    double *x, *value, *product; /* angles clipped to the range, monomials, rows of the matrix times the monomials */
 } Arm;
 
 typedef struct {
     PyObject_HEAD
     Curves curves;
+    double lowest, range; /* of passive forces: at the shortest length, and from there to the optimal length */
     int muscles, columns, angles, arms; /* totals over all arms, and number of arms */
     double *constant;                   /* state with the values of the actuators, and 0 for muscles */
     Arm *arm;
@@ -40,11 +48,8 @@ static double active(const Curves *c, double l)
     return sum;
 }
 
-static double passive(const Curves *c, double l)
-{
-    const double lowest = exp(c->passive_shape * (c->shortest - 1.0) / c->passive_strain);
-    return (exp(c->passive_shape * (l - 1.0) / c->passive_strain) - lowest) / (exp(c->passive_shape) - lowest);
-}
+/* Passive force before it is shifted and scaled to be 0 at the shortest and 1 at the optimal length. */
+static double passive(const Curves *c, double l) { return exp(c->passive_shape * (l - 1.0) / c->passive_strain); }
 
 static double velocity_factor(const Curves *c, double v)
 {
@@ -83,24 +88,32 @@ static int prepare(const Arm *arm, const double *q)
     return outside;
 }
 
-static double row(const Arm *arm, int i)
+/* Multiply the sparse matrix by the monomials; the terms of each row are added in the order of its monomials. */
+static void multiply(const Arm *arm)
 {
-    double sum = 0.0;
-    for (int e = arm->start[i]; e < arm->start[i + 1]; e++)
-        sum += arm->coefficient[e] * arm->value[arm->term[e]];
-    return sum;
+    const int *term = arm->term;
+    const Pair(*coefficient)[PAIRS] = (const Pair(*)[PAIRS])arm->coefficient;
+    for (int n = 0; n < arm->tiles; n++) {
+        Pair sum[PAIRS] = {0};
+        for (const int *end = term + arm->size[n]; term < end; term++, coefficient++)
+            for (int p = 0; p < PAIRS; p++)
+                sum[p] += (*coefficient)[p] * arm->value[*term];
+        for (int r = 0; r < WIDTH; r++)
+            arm->product[arm->target[n][r]] = sum[r / 2][r % 2];
+    }
 }
 
 static void muscle(const Muscles *self, const Arm *arm, int i, const double *dq, double *out)
 {
     const Curves *c = &self->curves;
     const int k = arm->row + i, first = i * (1 + arm->joints);
+    const double *row = arm->product + first;
     double *arms = out + 4 * self->muscles + k * self->columns + arm->column, speed = 0.0;
     for (int j = 0; j < arm->joints; j++) {
-        arms[j] = -arm->scale[i] * row(arm, first + 1 + j);
+        arms[j] = -arm->scale[i] * row[1 + j];
         speed -= arms[j] * dq[arm->place[j]];
     }
-    const double length = (row(arm, first) - arm->slack[i]) / arm->optimal[i],
+    const double length = (row[0] - arm->slack[i]) / arm->optimal[i],
                  velocity = speed / (arm->scale[i] * arm->optimal[i]);
     out[k] = length;
     out[self->muscles + k] = velocity;
@@ -113,7 +126,7 @@ static void muscle(const Muscles *self, const Arm *arm, int i, const double *dq,
         return;
     }
     out[2 * self->muscles + k] = arm->force[i] * active(c, length) * velocity_factor(c, velocity / c->max_velocity);
-    out[3 * self->muscles + k] = arm->force[i] * passive(c, length);
+    out[3 * self->muscles + k] = arm->force[i] * ((passive(c, length) - self->lowest) / self->range);
 }
 
 static PyObject *muscles_at(Muscles *self, PyObject *const *given, Py_ssize_t count)
@@ -129,6 +142,7 @@ static PyObject *muscles_at(Muscles *self, PyObject *const *given, Py_ssize_t co
         memcpy(view.buf, self->constant, size);
         for (const Arm *arm = self->arm; arm < self->arm + self->arms; arm++) {
             outside |= prepare(arm, q);
+            multiply(arm);
             for (int i = 0; i < arm->muscles; i++)
                 muscle(self, arm, i, dq, view.buf);
         }
@@ -155,51 +169,52 @@ static void *copied(PyObject *buffer, size_t n, size_t each, const char *what)
 
 static int valid(const Muscles *self, const Arm *arm, int entries)
 {
-    const int rows = arm->muscles * (1 + arm->joints);
     for (int t = 1; t < arm->monomials; t++)
         if (!below(arm->factor + t, 1, t))
             return 0;
-    for (int r = 0; r < rows; r++)
-        if (!below(arm->start + r, 1, arm->start[r + 1] + 1))
-            return 0;
-    if (arm->start[0] != 0 || arm->start[rows] != entries || arm->row < 0 || arm->row + arm->muscles > self->muscles
-        || arm->column < 0 || arm->column + arm->joints > self->columns) {
-        PyErr_SetString(PyExc_ValueError, "an arm's rows or columns exceed the totals of all arms");
+    int left = entries;
+    for (int n = 0; n < arm->tiles && left >= 0; n++)
+        left = arm->size[n] < 0 ? -1 : left - arm->size[n];
+    if (left != 0 || arm->row < 0 || arm->row + arm->muscles > self->muscles || arm->column < 0
+        || arm->column + arm->joints > self->columns) {
+        PyErr_SetString(PyExc_ValueError, "an arm's tiles, rows or columns exceed their totals");
         return 0;
     }
     return below(arm->place, arm->joints, self->angles) && below(arm->angle, arm->monomials, arm->joints)
+           && below(arm->target[0], WIDTH * arm->tiles, arm->muscles * (1 + arm->joints) + 1)
            && below(arm->term, entries, arm->monomials);
 }
 
-/* Read an arm from the tuple (sizes, integers, numbers). sizes: joints, monomials, muscles, entries, first row, first
-   column, 1 if the muscles have curves of their own; integers and numbers: the arrays of Arm in their order. */
+/* Read an arm from the tuple (sizes, integers, numbers). sizes: joints, monomials, muscles, tiles, monomials of all
+   tiles, first row, first column, 1 if the muscles have curves of their own; integers and numbers: the arrays of Arm in
+   their order. */
 static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
 {
     PyObject *integers, *numbers;
-    int n, own;
-    if (!PyArg_ParseTuple(given, "(iiiiiii)OO", &arm->joints, &arm->monomials, &arm->muscles, &n, &arm->row,
-                          &arm->column, &own, &integers, &numbers))
+    int entries, own;
+    if (!PyArg_ParseTuple(given, "(iiiiiiii)OO", &arm->joints, &arm->monomials, &arm->muscles, &arm->tiles, &entries,
+                          &arm->row, &arm->column, &own, &integers, &numbers))
         return 0;
-    if (arm->joints < 1 || arm->monomials < 1 || arm->muscles < 0 || n < 0) {
+    if (arm->joints < 1 || arm->monomials < 1 || arm->muscles < 0 || arm->tiles < 0 || entries < 0) {
         PyErr_SetString(PyExc_ValueError, "an arm has no joints or no monomials");
         return 0;
     }
-    const size_t m = (size_t)arm->joints, t = (size_t)arm->monomials, k = (size_t)arm->muscles, e = (size_t)n,
-                 rows = k * (1 + m);
-    arm->place = copied(integers, m + 2 * t + rows + 1 + e, sizeof(int), "the integers of an arm");
-    arm->lower = arm->place == NULL
-                     ? NULL
-                     : copied(numbers, 2 * m + e + (own ? 4 + OWN : 4) * k, sizeof(double), "the numbers of an arm");
-    arm->x = arm->lower == NULL ? NULL : zeroed(m + t, sizeof(double));
+    const size_t m = (size_t)arm->joints, t = (size_t)arm->monomials, k = (size_t)arm->muscles, n = (size_t)arm->tiles,
+                 e = (size_t)entries;
+    arm->place = copied(integers, m + 2 * t + n + e + WIDTH * n, sizeof(int), "the integers of an arm");
+    arm->lower = arm->place == NULL ? NULL
+                                    : copied(numbers, 2 * m + WIDTH * e + (own ? 4 + OWN : 4) * k, sizeof(double),
+                                             "the numbers of an arm");
+    arm->x = arm->lower == NULL ? NULL : zeroed(m + t + k * (1 + m) + 1, sizeof(double));
     if (arm->x == NULL)
         return 0;
-    arm->factor = arm->place + m, arm->angle = arm->factor + t, arm->start = arm->angle + t;
-    arm->term = arm->start + rows + 1;
-    arm->upper = arm->lower + m, arm->coefficient = arm->upper + m, arm->force = arm->coefficient + e;
-    arm->optimal = arm->force + k, arm->slack = arm->optimal + k, arm->scale = arm->slack + k;
-    arm->own = own ? arm->scale + k : NULL;
-    arm->value = arm->x + m;
-    return valid(self, arm, n);
+    arm->factor = arm->place + m, arm->angle = arm->factor + t, arm->size = arm->angle + t;
+    arm->term = arm->size + n, arm->target = (int (*)[WIDTH])(arm->term + e);
+    arm->upper = arm->lower + m, arm->coefficient = (Pair(*)[PAIRS])(arm->upper + m);
+    arm->force = arm->upper + m + WIDTH * e, arm->optimal = arm->force + k, arm->slack = arm->optimal + k;
+    arm->scale = arm->slack + k, arm->own = own ? arm->scale + k : NULL;
+    arm->value = arm->x + m, arm->product = arm->value + t;
+    return valid(self, arm, entries);
 }
 
 static int muscles_init(Muscles *self, PyObject *args)
@@ -213,6 +228,8 @@ static int muscles_init(Muscles *self, PyObject *args)
         PyErr_SetString(PyExc_ValueError, "a count is below 0");
         return -1;
     }
+    self->lowest = passive(&self->curves, self->curves.shortest);
+    self->range = exp(self->curves.passive_shape) - self->lowest;
     const Py_ssize_t count = PyList_GET_SIZE(arms);
     self->constant =
         copied(constant, (size_t)self->muscles * (size_t)(4 + self->columns), sizeof(double), "the constants");
