@@ -70,10 +70,3 @@ class SampledCurves:
     def numbers(self) -> FloatArray:
         """Return all numbers, in the order of the attributes."""
         return np.array([self.max_velocity, *self.active, *self.passive, *self.speed, *self.velocity])
-
-
-def approach_speed(activation: FloatArray, excitation: FloatArray) -> FloatArray:
-    """Return the rate of activation per difference between excitation and activation [1/s]; arrays of equal shape."""
-    rising = 0.5 * np.tanh(SMOOTHING * (excitation - activation)) + 0.5
-    slowed = 0.5 + 1.5 * activation
-    return np.asarray(rising / (RISE * slowed) + (1.0 - rising) * slowed / FALL)

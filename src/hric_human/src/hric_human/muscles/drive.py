@@ -10,7 +10,7 @@ continued at constant velocity: 75/m times each muscle's force, with 0.05 s time
 Without it, Hill's curves alone make an elbow unstable.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,8 +23,7 @@ from hric_human.muscles.static_optimization import StaticOptimization
 
 FULL = 1.0 - 1e-6
 """Desired activation at and above which a muscle counts as saturated [1]."""
-_give: Callable[..., list[float]]
-_give = load("hric_muscle_drive").give
+_Drive = load("hric_muscle_drive").Drive
 
 
 class MuscleDrive:
@@ -62,22 +61,37 @@ class MuscleDrive:
         if abs(period - round(period)) > 1e-6:
             raise refused(f"{where}rate", rate, f"a divisor of the cycle rate, {1.0 / cycle:g} Hz")
         self._period, self._cycle, self.muscles = round(period), cycle, muscles
-        k, m = len(self.muscles.names), len(self.muscles.joints)
-        self._size = 2 * k + m
-        self._columns = np.array(self.muscles.joints, np.intc)
-        self._constants = np.array([curves.RISE, curves.FALL, curves.SMOOTHING, DAMPING_TIME, cycle])
+        k, m = len(muscles.names), len(muscles.joints)
+        self._compiled = _Drive(k, muscles.joints, curves.RISE, curves.FALL, curves.SMOOTHING, DAMPING_TIME, cycle)
         self._law = StaticOptimization(k, m)
-        self._raised = np.where(self.muscles.is_muscle, co_contraction, 0.0) if co_contraction else None
+        self._raised = np.where(muscles.is_muscle, co_contraction, 0.0) if co_contraction else None
         self.restart()
 
     def restart(self) -> None:
         """Reset the drive to its state before the first cycle."""
         k, m = len(self.muscles.names), len(self.muscles.joints)
-        self.state: MuscleState | None = None
-        self.excitation = self.activation = self._next = np.zeros(k)
-        self.force, self.shortfall = np.zeros(k), np.zeros(m)
+        self._values, self._started, self._outside = np.zeros(self.muscles.size + 3 * k), False, False
+        self.excitation, self.shortfall = np.zeros(k), np.zeros(m)
         self.at_limit, self.limited = [False] * k, [0] * k
-        self._decided, self._since = np.zeros(0), 0
+        self._since = self._period
+
+    def _row(self, row: int) -> FloatArray:
+        """Return values of all muscles that follow the state: activation, force, activation in the next cycle."""
+        k = len(self.limited)
+        return self._values[self.muscles.size + row * k :][:k]
+
+    @property
+    def state(self) -> MuscleState | None:  # noqa: D102  (see Attributes)
+        numbers = self._values[: self.muscles.size]
+        return MuscleState(numbers, len(self.limited), self._outside) if self._started else None
+
+    @property
+    def activation(self) -> FloatArray:  # noqa: D102
+        return self._row(0)
+
+    @property
+    def force(self) -> FloatArray:  # noqa: D102
+        return self._row(1)
 
     def update(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
         """Return the joint torque until the next cycle, n floats [N m].
@@ -87,35 +101,32 @@ class MuscleDrive:
             dq: current joint velocities, n floats [rad/s].
             tau: desired torque, n floats [N m].
         """
-        at_rest, state = self.state is None, self.muscles.at(q, dq)
-        self.state, self.activation = state, self._next
-        if at_rest or self._since == self._period:
-            angles, speeds, desired = np.array((q, dq, tau))[:, self._columns]
-            self._decide(state, angles, speeds, desired, at_rest)
-        k, out = len(self.activation), np.empty(self._size)
-        ahead = self._since * self._cycle
-        torque = _give(
-            self._columns, self._constants, state.numbers, self.activation, self._decided, out, q, dq, tau, ahead
-        )
+        before, now = self._values, np.empty(self._values.size)
+        self._outside = self.muscles.write(q, dq, now)
+        if self._since == self._period:
+            self._decide(now, q, dq, tau)
+        self._values = now
+        torque: list[float] = self._compiled.give(before, now, q, dq, tau, self._since * self._cycle)
         self._since += 1
-        self.force, self._next = out[:k], out[k : 2 * k]
         return torque
 
-    def _decide(self, state: MuscleState, q: FloatArray, dq: FloatArray, tau: FloatArray, at_rest: bool) -> None:
+    def _decide(self, now: FloatArray, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> None:
         """Set the excitations (0 to 1) with which the muscles reach the desired torque at the next decision.
 
-        The arrays have one value for each joint of `muscles.joints`.
+        now: state of the muscles, followed by values that are not used.
         """
-        solution = self._law.solve(state.arms, state.gain, tau - state.passive @ state.arms, self._raised)
-        aim = solution.activation
-        if at_rest:
-            self.activation = aim
-        reached = -np.expm1(-self._cycle * self._period * curves.approach_speed(self.activation, aim))
-        self.excitation = np.clip(self.activation + (aim - self.activation) / reached, 0.0, 1.0)
-        self.shortfall = solution.shortfall
+        activation, state = self._row(2), MuscleState(now[: self.muscles.size], len(self.limited), self._outside)
+        required, self.excitation = np.empty(len(self.shortfall)), np.empty(len(activation))
+        self._compiled.required(now, required, tau)
+        solution = self._law.solve(state.arms, state.gain, required, self._raised)
+        aim, self.shortfall = solution.activation, solution.shortfall
+        if not self._started:
+            activation[:], self._started = aim, True
+        stiffness = self.muscles.intrinsic(state, activation).stiffness
+        time = self._period * self._cycle
+        self._compiled.decide(activation, aim, stiffness, self.excitation, q, dq, time)
         self._note_limits((aim >= FULL).tolist())
-        stiffness = self.muscles.intrinsic(state, self.activation).stiffness
-        self._decided, self._since = np.concatenate([self.excitation, q, dq, stiffness.ravel()]), 0
+        self._since = 0
 
     def _note_limits(self, now: list[bool]) -> None:
         if now != self.at_limit:

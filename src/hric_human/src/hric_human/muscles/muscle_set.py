@@ -5,7 +5,7 @@ Lengths of a muscle scale with the segments that it spans, its strength with the
 ideal torque actuators with activation, one for each direction.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -139,6 +139,9 @@ class MuscleSet:
         muscle_count: number of muscles.
         scaled: muscles scaled to the body, without actuators.
         joints: indices in body.joints of the m joints that muscles and actuators move: the columns of moment arms.
+        size: size of `MuscleState.numbers`.
+        write: function (q, dq, out) that writes `MuscleState.numbers` to the begin of the array out, and returns
+            `MuscleState.outside`.
 
     Raises:
         HricError: the body has no arm, or the factor is not above 0.
@@ -168,19 +171,20 @@ class MuscleSet:
         ideal = {row for row, *_ in actuators}
         self.is_muscle = tuple(row not in ideal for row in range(len(names)))
         self.muscle_count = sum(self.is_muscle)
-        self._size = constant.size
+        self.size = constant.size
         shape = len(names), len(columns), len(self._order)
         self._compiled = _built.Muscles(_curves(), constant, shape, arms)
+        self.write: Callable[[Sequence[float], Sequence[float], FloatArray], bool] = self._compiled.at
 
     def at(self, q: Sequence[float], dq: Sequence[float]) -> MuscleState:
         """Return the state of the muscles at the positions [rad] and velocities [rad/s] of all joints of the body."""
-        out = np.empty(self._size)
-        return MuscleState(out, len(self.names), self._compiled.at(q, dq, out))
+        out = np.empty(self.size)
+        return MuscleState(out, len(self.names), self.write(q, dq, out))
 
     def intrinsic(self, state: MuscleState, activation: FloatArray) -> Intrinsic:
         """Return the joint impedance that muscles have at activations of shape (k,) [1], without reflexes."""
-        springs = STIFFNESS * np.where(self.is_muscle, state.forces(activation), 0.0)
-        stiffness = np.asarray((state.arms.T * springs) @ state.arms)
+        stiffness = np.empty((len(self.joints), len(self.joints)))
+        self._compiled.stiffness(state.numbers, activation, stiffness, STIFFNESS)
         return Intrinsic(stiffness, DAMPING_TIME * stiffness)
 
     def _arm(self, anatomy: Anatomy, side: str, row: int, column: int) -> tuple[object, ...]:

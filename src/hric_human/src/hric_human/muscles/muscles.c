@@ -138,7 +138,7 @@ static PyObject *muscles_at(Muscles *self, PyObject *const *given, Py_ssize_t co
         return NULL;
     const size_t size = (size_t)self->muscles * (size_t)(4 + self->columns) * sizeof(double);
     int outside = 0;
-    if (view.len == (Py_ssize_t)size) {
+    if (view.len >= (Py_ssize_t)size) {
         memcpy(view.buf, self->constant, size);
         for (const Arm *arm = self->arm; arm < self->arm + self->arms; arm++) {
             outside |= prepare(arm, q);
@@ -147,9 +147,40 @@ static PyObject *muscles_at(Muscles *self, PyObject *const *given, Py_ssize_t co
                 muscle(self, arm, i, dq, view.buf);
         }
     } else
-        PyErr_Format(PyExc_ValueError, "out is %zu bytes, got %zd", size, view.len);
+        PyErr_Format(PyExc_ValueError, "out is at least %zu bytes, got %zd", size, view.len);
     PyBuffer_Release(&view);
     return PyErr_Occurred() ? NULL : PyBool_FromLong(outside);
+}
+
+/* Write the stiffness that the forces of the muscles give to the joints; per_force: stiffness of a muscle along its
+   line of action per force [1/m]. */
+static PyObject *muscles_stiffness(Muscles *self, PyObject *const *given, Py_ssize_t count)
+{
+    enum { STATE, ACTIVATION, OUT, ARRAYS, PER_FORCE = ARRAYS, COUNT };
+    Py_buffer view[ARRAYS];
+    if (!expect(count, COUNT, "stiffness(state, activation, out, per_force)"))
+        return NULL;
+    const double per_force = PyFloat_AsDouble(given[PER_FORCE]);
+    if (PyErr_Occurred() || !take_views(given, ARRAYS, OUT, view))
+        return NULL;
+    const int k = self->muscles, m = self->columns;
+    const Py_ssize_t number = sizeof(double), bytes[ARRAYS] = {number * k * (4 + m), number * k, number * m * m};
+    const double *gain = (const double *)view[STATE].buf + 2 * k, *passive = gain + k,
+                 *activation = view[ACTIVATION].buf;
+    const int fit = views_fit(view, ARRAYS, bytes);
+    if (fit)
+        memset(view[OUT].buf, 0, (size_t)bytes[OUT]);
+    for (const Arm *arm = self->arm; fit && arm < self->arm + self->arms; arm++)
+        for (int i = arm->row; i < arm->row + arm->muscles; i++) {
+            const double spring = per_force * (gain[i] * activation[i] + passive[i]);
+            const double *arms = passive + k + i * m + arm->column;
+            double *out = (double *)view[OUT].buf + arm->column * (m + 1);
+            for (int r = 0; r < arm->joints; r++)
+                for (int c = 0; c < arm->joints; c++)
+                    out[r * m + c] += arms[r] * spring * arms[c];
+        }
+    release_views(view, ARRAYS);
+    return fit ? Py_NewRef(Py_None) : NULL;
 }
 
 /* ---- the type ---- */
@@ -259,6 +290,7 @@ static PyMethodDef muscles_methods[] = {
     {"at", FAST(muscles_at),
      "(q, dq, out) -> True if an angle is outside the range; writes length, velocity, gain and passive force of all "
      "muscles into out, then their moment arms"},
+    {"stiffness", FAST(muscles_stiffness), "(state, activation, out, per_force): write the stiffness of the joints"},
     {0}};
 
 TYPE_MODULE(hric_muscles, Muscles, muscles, NULL)

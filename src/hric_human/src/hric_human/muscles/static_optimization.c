@@ -30,6 +30,7 @@ typedef struct {
     double size;                     /* magnitude of the summed terms: required torque plus torques of all muscles */
     double distance;                 /* weight of the proximal term */
     double *b, *low, *wanted;        /* (k, m), (k), (m): wanted is the torque required of muscles not settled */
+    int (*moved)[2];                 /* (k): first joint that a muscle moves, and one past the last one */
     double *activation, *x, *centre; /* (k), (m), (m): centre of the proximal term */
     double *gradient, *step, *H;     /* (m), (m), (m, m) */
     double *along, *at;              /* (k): b . step, b . x */
@@ -44,6 +45,20 @@ static double dot(const double *a, const double *b, int n)
     for (int i = 0; i < n; i++)
         sum += a[i] * b[i];
     return sum;
+}
+
+/* Return the product of b of muscle i and a vector; the joints that it does not move would add zeros. */
+static double projected(const Task *t, int i, const double *x)
+{
+    const int first = t->moved[i][0];
+    return dot(t->b + i * t->m + first, x + first, t->moved[i][1] - first);
+}
+
+/* Add a multiple of b of muscle i to a vector. */
+static void add(const Task *t, int i, double factor, double *out)
+{
+    for (int r = t->moved[i][0]; r < t->moved[i][1]; r++)
+        out[r] += factor * t->b[i * t->m + r];
 }
 
 static double within(double value, double low) { return value < low ? low : value > 1.0 ? 1.0 : value; }
@@ -88,8 +103,8 @@ static void curvature(Task *t, double distance)
     for (int i = 0; i < t->k; i++) {
         const double *b = t->b + i * t->m;
         if (is_free(t, i, t->at[i]))
-            for (int r = 0; r < t->m; r++)
-                for (int c = 0; c <= r; c++)
+            for (int r = t->moved[i][0]; r < t->moved[i][1]; r++)
+                for (int c = t->moved[i][0]; c <= r; c++)
                     t->H[r * t->m + c] += b[r] * b[c];
     }
     for (int r = 0; r < t->m; r++)
@@ -103,8 +118,7 @@ static void excess(const Task *t, const double *activation, double *out)
         out[r] = -t->wanted[r];
     for (int i = 0; i < t->k; i++)
         if (!t->settled[i])
-            for (int r = 0; r < t->m; r++)
-                out[r] += activation[i] * t->b[i * t->m + r];
+            add(t, i, activation[i], out);
 }
 
 /* ---- a step ---- */
@@ -113,7 +127,7 @@ static void evaluate(Task *t)
 {
     for (int i = 0; i < t->k; i++)
         if (!t->settled[i]) {
-            t->at[i] = dot(t->b + i * t->m, t->x, t->m);
+            t->at[i] = projected(t, i, t->x);
             t->activation[i] = within(t->at[i], t->low[i]);
         }
     excess(t, t->activation, t->gradient);
@@ -145,7 +159,7 @@ static double search(Task *t)
     for (int r = 0; r < t->m; r++)
         constant += t->distance * (t->x[r] - t->centre[r]) * t->step[r];
     for (int i = 0; i < t->k; i++)
-        t->along[i] = t->settled[i] ? 0.0 : dot(t->b + i * t->m, t->step, t->m);
+        t->along[i] = t->settled[i] ? 0.0 : projected(t, i, t->step);
     for (int n = 0; n < SEARCHES; n++) {
         const double value = derivative(t, share, constant, distance, &slope);
         if (fabs(value) <= 1e-12 * fabs(first))
@@ -188,10 +202,8 @@ static void left_to_free(const Task *t, const double *x, double *out)
 {
     memcpy(out, t->wanted, row(t));
     for (int i = 0; i < t->k; i++) {
-        const double *b = t->b + i * t->m;
-        const double value = is_free(t, i, t->at[i]) ? dot(b, x, t->m) : t->activation[i];
-        for (int r = 0; !t->settled[i] && r < t->m; r++)
-            out[r] -= value * b[r];
+        if (!t->settled[i])
+            add(t, i, -(is_free(t, i, t->at[i]) ? projected(t, i, x) : t->activation[i]), out);
     }
 }
 
@@ -199,7 +211,7 @@ static void left_to_free(const Task *t, const double *x, double *out)
 static int same_muscles(const Task *t, const double *x)
 {
     for (int i = 0; i < t->k; i++) {
-        const double value = dot(t->b + i * t->m, x, t->m), kept = within(value, t->low[i]);
+        const double value = projected(t, i, x), kept = within(value, t->low[i]);
         const double error = kept - (is_free(t, i, t->at[i]) ? value : t->activation[i]);
         if (!t->settled[i] && fabs(error) > 10.0 * ROUNDING)
             return 0;
@@ -211,7 +223,7 @@ static int same_muscles(const Task *t, const double *x)
 static int same_activations(const Task *t, const double *x)
 {
     for (int i = 0; i < t->k; i++)
-        if (is_free(t, i, t->at[i]) && fabs(within(dot(t->b + i * t->m, x, t->m), t->low[i]) - t->activation[i]) > SAME)
+        if (is_free(t, i, t->at[i]) && fabs(within(projected(t, i, x), t->low[i]) - t->activation[i]) > SAME)
             return 0;
     return 1;
 }
@@ -240,7 +252,7 @@ static int settle(Task *t, int given)
         return 0;
     for (int i = 0; i < t->k; i++)
         if (is_free(t, i, t->at[i]))
-            t->activation[i] = within(dot(t->b + i * t->m, x, t->m), t->low[i]);
+            t->activation[i] = within(projected(t, i, x), t->low[i]);
     if (regular)
         memcpy(t->x, x, row(t));
     return 1;
@@ -252,7 +264,7 @@ static int out_of_reach(const Task *t, const double *missing)
 {
     double most = 0.0;
     for (int i = 0; i < t->k; i++) {
-        const double pull = dot(t->b + i * t->m, missing, t->m);
+        const double pull = projected(t, i, missing);
         most += t->settled[i] ? 0.0 : pull > 0.0 ? pull : t->low[i] * pull;
     }
     const double length = sqrt(dot(missing, missing, t->m));
@@ -265,7 +277,7 @@ static int is_nearest(const Task *t, const double *missing)
 {
     const double length = sqrt(dot(missing, missing, t->m));
     for (int i = 0; i < t->k; i++) {
-        const double *b = t->b + i * t->m, pull = dot(b, missing, t->m);
+        const double *b = t->b + i * t->m, pull = projected(t, i, missing);
         if (!t->settled[i] && fabs(pull) > ON_FACE * sqrt(dot(b, b, t->m)) * length
             && t->activation[i] != (pull > 0.0 ? 1.0 : t->low[i]))
             return 0;
@@ -294,14 +306,13 @@ static int go_to_face(Task *t, const double *missing, double *shortfall)
     const double length = sqrt(dot(missing, missing, t->m));
     int rows = 0, others = 0;
     for (int i = 0; i < t->k; i++) {
-        double *b = t->b + i * t->m, pull = dot(b, missing, t->m), strength = sqrt(dot(b, b, t->m));
+        double *b = t->b + i * t->m, pull = projected(t, i, missing), strength = sqrt(dot(b, b, t->m));
         if (t->settled[i])
             continue;
         if (fabs(pull) > ON_FACE * strength * length) {
             t->settled[i] = 1;
             t->activation[i] = pull > 0.0 ? 1.0 : t->low[i];
-            for (int r = 0; r < t->m; r++)
-                t->wanted[r] -= t->activation[i] * b[r];
+            add(t, i, -t->activation[i], t->wanted);
             continue;
         }
         others++;
@@ -403,8 +414,14 @@ static double scale(Task *t, const double *arms, const double *gain)
 {
     double strongest = 0.0, finite = 0.0;
     for (int i = 0; i < t->k; i++) {
-        for (int r = 0; r < t->m; r++)
-            t->b[i * t->m + r] = gain[i] * arms[i * t->m + r];
+        t->moved[i][0] = t->moved[i][1] = 0;
+        for (int r = 0; r < t->m; r++) {
+            const double torque = t->b[i * t->m + r] = gain[i] * arms[i * t->m + r];
+            if (torque != 0.0 && t->moved[i][1] == 0)
+                t->moved[i][0] = r;
+            if (torque != 0.0)
+                t->moved[i][1] = r + 1;
+        }
         const double square = dot(t->b + i * t->m, t->b + i * t->m, t->m);
         strongest = square > strongest ? square : strongest;
         finite += 0.0 * (square + t->low[i]);
@@ -418,13 +435,13 @@ static double scale(Task *t, const double *arms, const double *gain)
 static PyObject *solved(int k, int m, double *const *array)
 {
     const size_t K = (size_t)k, M = (size_t)m;
-    double *memory = PyMem_Malloc(sizeof(double) * (K * M + 2 * K + 5 * M + M * M) + K);
+    double *memory = PyMem_Malloc(sizeof(double) * (K * M + 2 * K + 5 * M + M * M) + (2 * sizeof(int) + 1) * K);
     if (memory == NULL)
         return PyErr_NoMemory();
     Task t = {.k = k, .m = m, .low = array[LEAST], .activation = array[ACTIVATION], .b = memory};
     t.along = t.b + K * M, t.at = t.along + K, t.wanted = t.at + K, t.x = t.wanted + M, t.centre = t.x + M;
     t.gradient = t.centre + M, t.step = t.gradient + M, t.H = t.step + M;
-    t.settled = memset(t.H + M * M, 0, K);
+    t.moved = (int (*)[2])(t.H + M * M), t.settled = memset(t.moved + K, 0, K);
     const double unit = scale(&t, array[ARMS], array[GAIN]), by = unit > 0.0 ? unit : 1.0;
     double finite = unit;
     for (int r = 0; r < m; r++) {
