@@ -1,5 +1,6 @@
 """Muscles that move a body: the torque that they produce for a desired one."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,12 +8,12 @@ import pytest
 from bodies import body
 from numpy.testing import assert_allclose
 
-from hric_core.errors import ParameterError
+from hric_core.errors import HricError, ParameterError
 from hric_human.control import HumanControl, Person
-from hric_human.muscles import curves
 from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.drive import MuscleDrive
 from hric_human.muscles.muscle_set import STIFFNESS, MuscleSet
+from hric_human.muscles.static_optimization import StaticOptimization
 
 CYCLE = 1e-3
 Q = [0.7, 0.3, 0.2, 1.3, 0.1, 0.1, 0.0]
@@ -59,7 +60,27 @@ def test_activation_follows_excitation_by_its_dynamics() -> None:
     a, e = muscles.activation, muscles.excitation
     assert np.abs(e - a).max() > 0.05
     muscles.update(Q, REST, weight)
-    assert_allclose(muscles.activation, e + (a - e) * np.exp(-CYCLE * curves.approach_speed(a, e)), rtol=1e-12)
+    speed = [muscles.approach_speed(*pair) for pair in zip(a.tolist(), e.tolist(), strict=True)]
+    assert_allclose(muscles.activation, e + (a - e) * np.exp(-CYCLE * np.array(speed)), rtol=1e-12)
+
+
+def test_the_excitation_reaches_the_aim_at_the_next_decision_with_the_speed_of_now() -> None:
+    one = person()
+    muscles, weight = drive(one), one.own_weight(Q)
+    updated(muscles, weight, 10)
+    muscles.update(Q, REST, [1.1 * value for value in weight])
+    a, e, state = muscles.activation, muscles.excitation, muscles.state
+    assert state is not None
+    law = StaticOptimization(len(a), 7)
+    aim = law.solve(state.arms, state.gain, 1.1 * np.array(weight) - state.passive @ state.arms).activation
+    speed = [muscles.approach_speed(*pair) for pair in zip(a.tolist(), aim.tolist(), strict=True)]
+    assert_allclose(e, np.clip(a - (aim - a) / np.expm1(-10 * CYCLE * np.array(speed)), 0.0, 1.0), atol=1e-9)
+    assert np.abs(e - a).max() > 0.01
+
+
+def test_a_torque_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(HricError, match="static optimisation: an input is not finite"):
+        drive().update(Q, REST, [math.nan] * 7)
 
 
 def test_what_was_not_foreseen_meets_short_range_stiffness_and_damping() -> None:

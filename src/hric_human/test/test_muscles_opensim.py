@@ -9,7 +9,8 @@ from bodies import body
 
 import urdf_to_osim
 from hric_human.body import Body
-from hric_human.muscles import BUILT_IN, MuscleSet, curves, load
+from hric_human.muscles import BUILT_IN, MuscleSet, load
+from hric_human.muscles.drive import MuscleDrive
 from hric_human.muscles.opensim_paths import NOTE, with_muscles
 
 STATES = 1000
@@ -27,7 +28,7 @@ def test_activation_rises_and_falls_as_in_opensim():
     muscle.addNewPathPoint("a", model.getGround(), opensim.Vec3(0))
     muscle.addNewPathPoint("b", ball, opensim.Vec3(0.3, 0, 0))
     model.addForce(muscle)
-    state = model.initSystem()
+    state, drive = model.initSystem(), MuscleDrive(MuscleSet(body(), load(BUILT_IN)), 1e-3)
     muscle = opensim.Muscle.safeDownCast(model.getForceSet().get("muscle"))
     for activation, excitation in ((0.1, 0.9), (0.9, 0.1), (0.3, 0.35), (0.01, 1.0)):
         model.setStateVariableValue(state, "/forceset/muscle/activation", activation)
@@ -37,7 +38,7 @@ def test_activation_rises_and_falls_as_in_opensim():
         model.realizeDynamics(state)
         model.realizeAcceleration(state)
         rate = model.getComponent("/forceset/muscle").getStateVariableDerivativeValue(state, "activation")
-        speed = float(curves.approach_speed(np.array(activation), np.array(excitation)))
+        speed = drive.approach_speed(activation, excitation)
         assert speed * (excitation - activation) == pytest.approx(rate, rel=1e-9)
 
 

@@ -2,18 +2,18 @@
  * drive.py.
  *
  * The order of the operations is part of the interface: runs are compared bit by bit. */
-#include "hric_core/python_numbers.h"
+#include "static_optimization.h"
 
-#include <math.h>
-
-enum { MOST = 64 }; /* joints */
+enum { MOST = 64 }; /* joints of the body */
 
 /* Drive of k muscles on m joints of a body. */
 typedef struct {
     PyObject_HEAD
-    int k, m, column[MOST];                             /* column: index of each joint among those of the body */
-    double rise, fall, smoothing, damping, cycle;       /* see `_constants` in drive.py */
-    double *excitation, *stiffness, at[MOST], to[MOST]; /* of the last decision: at, to: positions and velocities */
+    int k, m, column[JOINTS];                           /* column: index of each joint among those of the body */
+    double rise, fall, smoothing, damping, cycle, full; /* see MuscleDrive.__init__ */
+    double at[JOINTS], to[JOINTS], start[JOINTS];       /* at, to: positions and velocities at the last decision */
+    double *least, *excitation;                         /* (k): least activation; excitation of the last decision */
+    Py_buffer stiffness;                                /* (m, m), of the last decision */
 } Drive;
 
 /* Values of a cycle: the state of the muscles (MuscleState.numbers), activation, force, activation in the next cycle.
@@ -52,7 +52,8 @@ static void step(const Drive *self, const Cycle *before, Cycle *now, double ahea
                  double *torque)
 {
     const int k = self->k, m = self->m, *column = self->column;
-    double missed[MOST], sum[MOST] = {0.0};
+    const double *stiffness = self->stiffness.buf;
+    double missed[JOINTS], sum[JOINTS] = {0.0};
     for (int r = 0; r < m; r++)
         missed[r] = self->at[r] + ahead * self->to[r] - q[column[r]] + self->damping * (self->to[r] - dq[column[r]]);
     for (int i = 0; i < k; i++) {
@@ -65,7 +66,7 @@ static void step(const Drive *self, const Cycle *before, Cycle *now, double ahea
     }
     for (int r = 0; r < m; r++)
         for (int c = 0; c < m; c++)
-            sum[r] += self->stiffness[r * m + c] * missed[c];
+            sum[r] += stiffness[r * m + c] * missed[c];
     for (int r = 0; r < m; r++)
         torque[column[r]] = sum[r];
 }
@@ -106,88 +107,117 @@ static PyObject *drive_give(Drive *self, PyObject *const *given, Py_ssize_t coun
     return fit ? list(tau, n) : NULL;
 }
 
-static PyObject *drive_required(Drive *self, PyObject *const *given, Py_ssize_t count)
+/* Return a list that says of each muscle whether its activation is full. */
+static PyObject *saturated(const Drive *self, const double *activation)
 {
-    enum { NOW, OUT, ARRAYS, TAU = ARRAYS, COUNT };
-    double tau[MOST];
-    Py_buffer view[ARRAYS];
-    if (!expect(count, COUNT, "required(now, out, tau)") || take_body(self, given[TAU], tau) < 0
-        || !take_views(given, ARRAYS, OUT, view))
-        return NULL;
-    const Py_ssize_t bytes[ARRAYS] = {cycle_bytes(self), (Py_ssize_t)sizeof(double) * self->m};
-    const int fit = views_fit(view, ARRAYS, bytes);
-    for (int r = 0; fit && r < self->m; r++) {
-        const Cycle now = cycle_of(self, view[NOW].buf);
-        double *out = (double *)view[OUT].buf + r, sum = 0.0;
-        for (int i = 0; i < self->k; i++)
-            sum += now.passive[i] * now.arms[i * self->m + r];
-        *out = tau[self->column[r]] - sum;
+    PyObject *made = PyList_New(self->k);
+    for (int i = 0; made != NULL && i < self->k; i++)
+        PyList_SET_ITEM(made, i, PyBool_FromLong(activation[i] >= self->full));
+    return made;
+}
+
+/* Compute the torque of active forces that is required, the activations for it, and the excitations with which they are
+   reached in the time `ahead` [s]; tau: torque of all joints of the body. Returns 0 with a Python error set on failure.
+ */
+static int decide(Drive *self, const Cycle *before, const Cycle *now, double ahead, int at_rest, const double *tau,
+                  double *aim, double *shortfall)
+{
+    double required[JOINTS], passive[JOINTS] = {0.0};
+    for (int i = 0; i < self->k; i++)
+        for (int r = 0; r < self->m; r++)
+            passive[r] += now->passive[i] * now->arms[i * self->m + r];
+    for (int r = 0; r < self->m; r++)
+        required[r] = tau[self->column[r]] - passive[r];
+    double *const array[ARRAYS] = {
+        (double *)now->arms, (double *)now->gain, self->least, required, self->start, aim, shortfall};
+    if (optimise(self->k, self->m, array) < 0)
+        return 0;
+    if (at_rest)
+        memcpy(before->next, aim, sizeof(double) * (size_t)self->k);
+    for (int i = 0; i < self->k; i++) {
+        const double a = before->next[i], reached = -expm1(-ahead * approach_speed(self, a, aim[i]));
+        const double excitation = a + (aim[i] - a) / reached;
+        self->excitation[i] = excitation < 0.0 ? 0.0 : excitation > 1.0 ? 1.0 : excitation;
     }
-    release_views(view, ARRAYS);
-    return fit ? Py_NewRef(Py_None) : NULL;
+    return 1;
 }
 
 static PyObject *drive_decide(Drive *self, PyObject *const *given, Py_ssize_t count)
 {
-    enum { ACTIVATION, AIM, STIFFNESS, EXCITATION, ARRAYS, Q = ARRAYS, DQ, AHEAD, COUNT };
-    double q[MOST], dq[MOST];
-    Py_buffer view[ARRAYS];
-    if (!expect(count, COUNT, "decide(activation, aim, stiffness, excitation, q, dq, ahead)"))
+    enum { BEFORE, NOW, DECIDED, VIEWS, Q = VIEWS, DQ, TAU, AHEAD, AT_REST, COUNT };
+    double q[MOST], dq[MOST], tau[MOST];
+    Py_buffer view[VIEWS];
+    if (!expect(count, COUNT, "decide(before, now, decided, q, dq, tau, ahead, at_rest)"))
         return NULL;
     const double ahead = PyFloat_AsDouble(given[AHEAD]);
+    const int at_rest = PyObject_IsTrue(given[AT_REST]);
     if (PyErr_Occurred() || take_body(self, given[Q], q) < 0 || take_body(self, given[DQ], dq) < 0
-        || !take_views(given, ARRAYS, EXCITATION, view))
+        || take_body(self, given[TAU], tau) < 0 || !take_views(given, VIEWS, BEFORE, view))
         return NULL;
-    const Py_ssize_t row = (Py_ssize_t)sizeof(double) * self->k,
-                     square = (Py_ssize_t)sizeof(double) * self->m * self->m;
-    const Py_ssize_t bytes[ARRAYS] = {row, row, square, row};
-    const double *activation = view[ACTIVATION].buf, *aim = view[AIM].buf;
-    const int fit = views_fit(view, ARRAYS, bytes);
-    for (int i = 0; fit && i < self->k; i++) {
-        const double reached = -expm1(-ahead * approach_speed(self, activation[i], aim[i]));
-        const double excitation = activation[i] + (aim[i] - activation[i]) / reached;
-        self->excitation[i] = excitation < 0.0 ? 0.0 : excitation > 1.0 ? 1.0 : excitation;
+    const int k = self->k, m = self->m;
+    const Py_ssize_t bytes[VIEWS] = {cycle_bytes(self), cycle_bytes(self), (Py_ssize_t)sizeof(double) * (2 * k + m)};
+    PyObject *made = NULL;
+    if (views_fit(view, VIEWS, bytes)) {
+        const Cycle before = cycle_of(self, view[BEFORE].buf), now = cycle_of(self, view[NOW].buf);
+        double *aim = view[DECIDED].buf, *excitation = aim + k;
+        if (decide(self, &before, &now, ahead, at_rest, tau, aim, excitation + k))
+            made = saturated(self, aim);
+        memcpy(excitation, self->excitation, sizeof(double) * (size_t)k);
+        for (int r = 0; r < m; r++) {
+            self->at[r] = q[self->column[r]];
+            self->to[r] = dq[self->column[r]];
+        }
     }
-    for (int r = 0; fit && r < self->m; r++) {
-        self->at[r] = q[self->column[r]];
-        self->to[r] = dq[self->column[r]];
-    }
-    if (fit) {
-        memcpy(self->stiffness, view[STIFFNESS].buf, (size_t)square);
-        memcpy(view[EXCITATION].buf, self->excitation, (size_t)row);
-    }
-    release_views(view, ARRAYS);
-    return fit ? Py_NewRef(Py_None) : NULL;
+    release_views(view, VIEWS);
+    return made;
+}
+
+static PyObject *drive_approach_speed(Drive *self, PyObject *const *given, Py_ssize_t count)
+{
+    if (!expect(count, 2, "approach_speed(activation, excitation)"))
+        return NULL;
+    const double activation = PyFloat_AsDouble(given[0]), excitation = PyFloat_AsDouble(given[1]);
+    return PyErr_Occurred() ? NULL : PyFloat_FromDouble(approach_speed(self, activation, excitation));
 }
 
 static int drive_init(Drive *self, PyObject *args)
 {
-    PyObject *columns;
-    if (!PyArg_ParseTuple(args, "iO!ddddd", &self->k, &PyTuple_Type, &columns, &self->rise, &self->fall,
-                          &self->smoothing, &self->damping, &self->cycle))
+    PyObject *columns, *least, *stiffness;
+    if (!PyArg_ParseTuple(args, "O!OO(dddddd)", &PyTuple_Type, &columns, &least, &stiffness, &self->rise, &self->fall,
+                          &self->smoothing, &self->damping, &self->cycle, &self->full))
         return -1;
-    const Py_ssize_t m = PyTuple_GET_SIZE(columns);
-    if (self->k < 0 || m > MOST) {
-        PyErr_Format(PyExc_ValueError, "%d muscles on %zd joints; valid: 0 to %d joints", self->k, m, MOST);
+    const Py_ssize_t m = PyTuple_GET_SIZE(columns), k = PySequence_Size(least);
+    if (k < 1 || m < 1 || m > JOINTS) {
+        PyErr_Format(PyExc_ValueError, "a drive of %zd muscles on %zd joints; valid: 1 or more, 1 to %d", k, m, JOINTS);
         return -1;
     }
     for (; self->m < m; self->m++)
         self->column[self->m] = (int)PyLong_AsLong(PyTuple_GET_ITEM(columns, self->m));
-    self->excitation = PyErr_Occurred() ? NULL : zeroed((size_t)(self->k + self->m * self->m), sizeof(double));
-    self->stiffness = self->excitation + self->k;
-    return self->excitation == NULL ? -1 : 0;
+    self->k = (int)k;
+    self->least = PyErr_Occurred() ? NULL : zeroed(2 * (size_t)k, sizeof(double));
+    if (self->least == NULL || !take(least, k, self->least)
+        || PyObject_GetBuffer(stiffness, &self->stiffness, PyBUF_C_CONTIGUOUS) < 0)
+        return -1;
+    self->excitation = self->least + k;
+    const Py_ssize_t bytes = (Py_ssize_t)sizeof(double) * m * m;
+    return views_fit(&self->stiffness, 1, &bytes) ? 0 : -1;
 }
 
-static void drive_clear(Drive *self) { PyMem_Free(self->excitation); }
+static void drive_clear(Drive *self)
+{
+    PyMem_Free(self->least);
+    PyBuffer_Release(&self->stiffness);
+}
 
 static PyMethodDef drive_methods[] = {
     {"give", FAST(drive_give),
      "(before, now, q, dq, tau, ahead) -> tau with the torque of the muscles; the arrays are the values of the cycle "
      "before and of this one, which has the state and gets the rest; ahead: time since the decision [s]"},
-    {"required", FAST(drive_required), "(now, out, tau): write tau without the torque of the passive forces into out"},
     {"decide", FAST(drive_decide),
-     "(activation, aim, stiffness, excitation, q, dq, ahead): set, and write, the excitations with which the muscles "
-     "reach the activations `aim` in the time `ahead` [s]"},
+     "(before, now, decided, q, dq, tau, ahead, at_rest) -> list that says of each muscle whether its activation is to "
+     "be full; writes the activations that the torque tau needs, the excitations that reach them in the time `ahead` "
+     "[s], and the shortfall into `decided`; at_rest: the activations of this cycle are those, and are written"},
+    {"approach_speed", FAST(drive_approach_speed), "(activation, excitation) -> rate per difference of both [1/s]"},
     {0}};
 
 TYPE_MODULE(hric_muscle_drive, Drive, drive, NULL)

@@ -10,15 +10,16 @@ continued at constant velocity: 75/m times each muscle's force, with 0.05 s time
 Without it, Hill's curves alone make an elbow unstable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_core.native import load
 from hric_core.parameters import refused
 from hric_human.muscles import curves
-from hric_human.muscles.muscle_set import DAMPING_TIME, MuscleSet, MuscleState
+from hric_human.muscles.muscle_set import DAMPING_TIME, STIFFNESS, MuscleSet, MuscleState
 from hric_human.muscles.static_optimization import StaticOptimization
 
 FULL = 1.0 - 1e-6
@@ -43,6 +44,8 @@ class MuscleDrive:
         force: force of each muscle [N], torque of each actuator [N m], shape (k,).
         at_limit: True for each muscle or actuator that is saturated since the last decision; a new list if any changes.
         limited: number of times that each muscle or actuator became saturated.
+        approach_speed: function (activation, excitation) of a muscle that returns the rate of its activation per
+            difference of both [1/s].
         shortfall: desired torque that the muscles cannot produce, per joint of `muscles.joints`, shape (m,) [N m].
 
     Raises:
@@ -62,9 +65,11 @@ class MuscleDrive:
             raise refused(f"{where}rate", rate, f"a divisor of the cycle rate, {1.0 / cycle:g} Hz")
         self._period, self._cycle, self.muscles = round(period), cycle, muscles
         k, m = len(muscles.names), len(muscles.joints)
-        self._compiled = _Drive(k, muscles.joints, curves.RISE, curves.FALL, curves.SMOOTHING, DAMPING_TIME, cycle)
-        self._law = StaticOptimization(k, m)
-        self._raised = np.where(muscles.is_muscle, co_contraction, 0.0) if co_contraction else None
+        least = StaticOptimization(k, m).least(np.where(muscles.is_muscle, co_contraction, 0.0)).tolist()
+        self._stiffness = np.zeros((m, m))
+        constants = curves.RISE, curves.FALL, curves.SMOOTHING, DAMPING_TIME, cycle, FULL
+        self._compiled = _Drive(muscles.joints, least, self._stiffness, constants)
+        self.approach_speed: Callable[[float, float], float] = self._compiled.approach_speed
         self.restart()
 
     def restart(self) -> None:
@@ -111,22 +116,17 @@ class MuscleDrive:
         return torque
 
     def _decide(self, now: FloatArray, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> None:
-        """Set the excitations (0 to 1) with which the muscles reach the desired torque at the next decision.
-
-        now: state of the muscles, followed by values that are not used.
-        """
-        activation, state = self._row(2), MuscleState(now[: self.muscles.size], len(self.limited), self._outside)
-        required, self.excitation = np.empty(len(self.shortfall)), np.empty(len(activation))
-        self._compiled.required(now, required, tau)
-        solution = self._law.solve(state.arms, state.gain, required, self._raised)
-        aim, self.shortfall = solution.activation, solution.shortfall
-        if not self._started:
-            activation[:], self._started = aim, True
-        stiffness = self.muscles.intrinsic(state, activation).stiffness
-        time = self._period * self._cycle
-        self._compiled.decide(activation, aim, stiffness, self.excitation, q, dq, time)
-        self._note_limits((aim >= FULL).tolist())
-        self._since = 0
+        """Set the excitations (0 to 1) with which the muscles reach the desired torque at the next decision."""
+        k, decided = len(self.limited), np.empty(2 * len(self.limited) + len(self._stiffness))
+        time, at_rest = self._period * self._cycle, not self._started
+        try:
+            full = self._compiled.decide(self._values, now, decided, q, dq, tau, time, at_rest)
+        except ValueError as error:
+            raise HricError(f"static optimisation: {error}") from error
+        self.muscles.write_stiffness(now[: self.muscles.size], self._row(2), self._stiffness, STIFFNESS)
+        self.excitation, self.shortfall = decided[k : 2 * k], decided[2 * k :]
+        self._started, self._since = True, 0
+        self._note_limits(full)
 
     def _note_limits(self, now: list[bool]) -> None:
         if now != self.at_limit:

@@ -142,6 +142,8 @@ class MuscleSet:
         size: size of `MuscleState.numbers`.
         write: function (q, dq, out) that writes `MuscleState.numbers` to the begin of the array out, and returns
             `MuscleState.outside`.
+        write_stiffness: function (numbers, activation, stiffness, ratio) that writes the stiffness of `intrinsic` to an
+            array of shape (m, m); ratio: stiffness of a muscle per force [1/m].
 
     Raises:
         HricError: the body has no arm, or the factor is not above 0.
@@ -175,6 +177,7 @@ class MuscleSet:
         shape = len(names), len(columns), len(self._order)
         self._compiled = _built.Muscles(_curves(), constant, shape, arms)
         self.write: Callable[[Sequence[float], Sequence[float], FloatArray], bool] = self._compiled.at
+        self.write_stiffness: Callable[[FloatArray, FloatArray, FloatArray, float], None] = self._compiled.stiffness
 
     def at(self, q: Sequence[float], dq: Sequence[float]) -> MuscleState:
         """Return the state of the muscles at the positions [rad] and velocities [rad/s] of all joints of the body."""
@@ -184,7 +187,7 @@ class MuscleSet:
     def intrinsic(self, state: MuscleState, activation: FloatArray) -> Intrinsic:
         """Return the joint impedance that muscles have at activations of shape (k,) [1], without reflexes."""
         stiffness = np.empty((len(self.joints), len(self.joints)))
-        self._compiled.stiffness(state.numbers, activation, stiffness, STIFFNESS)
+        self.write_stiffness(state.numbers, activation, stiffness, STIFFNESS)
         return Intrinsic(stiffness, DAMPING_TIME * stiffness)
 
     def _arm(self, anatomy: Anatomy, side: str, row: int, column: int) -> tuple[object, ...]:
