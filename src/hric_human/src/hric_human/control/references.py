@@ -164,13 +164,10 @@ class AngleRows(Reference):
 
     def at(self, time: float) -> tuple[Joints, Joints]:
         """Return the interpolated positions and velocities."""
-        return self.since(time - self._zero)
-
-    def since(self, time: float) -> tuple[Joints, Joints]:
-        """Return joint positions and velocities at a time since the first row [s]."""
-        if time <= 0.0:
+        since = time - self._zero
+        if since <= 0.0:
             return self._rows[0], self._still
-        steps = time / self._interval
+        steps = since / self._interval
         piece = int(steps)
         if piece != self._piece:
             while self._more is not None and len(self._rows) < piece + 3:
@@ -219,11 +216,11 @@ class HandReference(Reference):
 
     def start(self, time: float) -> None:
         """Start the program of the hand."""
-        self._hand.start(time)
+        self._rows.start(self._hand.start(time))
 
     def at(self, time: float) -> tuple[Joints, Joints]:
         """Return joint positions and velocities, interpolated between the knots."""
-        return self._rows.since(self._hand.since(time))
+        return self._rows.at(time)
 
     def see(self, time: float, position: Vector) -> None:
         """Pass the position [m] of the robot's end effector to the hand's program."""

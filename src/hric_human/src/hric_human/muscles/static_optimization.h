@@ -426,13 +426,14 @@ static double scale(Task *t, const double *arms, const double *gain)
             if (torque != 0.0)
                 t->moved[i][1] = r + 1;
         }
-        const double square = dot(t->b + i * t->m, t->b + i * t->m, t->m);
+        const double square = projected(t, i, t->b + i * t->m);
         strongest = square > strongest ? square : strongest;
         finite += 0.0 * (square + t->low[i]);
     }
     strongest = sqrt(strongest) + finite;
-    for (int n = 0; strongest > 0.0 && n < t->k * t->m; n++)
-        t->b[n] /= strongest;
+    for (int i = 0; strongest > 0.0 && i < t->k; i++)
+        for (int r = t->moved[i][0]; r < t->moved[i][1]; r++)
+            t->b[i * t->m + r] /= strongest;
     return strongest;
 }
 
@@ -458,7 +459,7 @@ static int optimise(int k, int m, double *const *array)
     if (isfinite(finite)) {
         t.size = sqrt(dot(t.wanted, t.wanted, m));
         for (int i = 0; i < k; i++)
-            t.size += sqrt(dot(t.b + i * m, t.b + i * m, m));
+            t.size += sqrt(projected(&t, i, t.b + i * m));
         if (t.size == 0.0)
             t.size = 1.0;
         for (int r = 0; r < m; r++)
