@@ -35,8 +35,8 @@ def tree_gravity(
         chains: chains of the tree from the same root, with the indices of their joints; each link has mass in one of
             them only.
     """
-    gravity: Callable[[Sequence[float]], list[float]]
-    gravity = _kdl.tree_gravity(count, [(chain.gravity_list, tuple(indices)) for chain, indices in chains])
+    parts = [(chain.gravity_list, tuple(indices)) for chain, indices in chains]
+    gravity: Callable[[Sequence[float]], list[float]] = _kdl.tree_gravity(count, parts)
     return gravity
 
 

@@ -171,10 +171,9 @@ class ImpedanceArm(HumanController):
 
     def update(self, time: float, senses: Senses) -> Sequence[float]:
         """Return the joint torque of the impedance law, n floats [N m]."""
-        reference, late_q = self._reference, senses.q
-        if reference.feels:
-            reference.feel(time, senses.force)
-        q_ref, dq_ref = reference.at(time)
+        if self._reference.feels:
+            self._reference.feel(time, senses.force)
+        q_ref, dq_ref = self._reference.at(time)
         q, dq = senses.muscles
-        tau: list[float] = self._law.torque(q_ref, dq_ref, q, dq, late_q, senses.dq, self._weight(late_q))
+        tau: list[float] = self._law.torque(q_ref, dq_ref, q, dq, senses.q, senses.dq, self._weight(senses.q))
         return tau

@@ -57,8 +57,6 @@ class ReferenceSettings(Settings):
 class Still(Reference):
     """Reference that stays at joint positions q, n floats [rad]."""
 
-    feels = False
-
     def __init__(self, q: Sequence[float]) -> None:
         self._at = list(q), [0.0] * len(q)
 
@@ -83,8 +81,6 @@ class JointPoints(Reference):
         times: increasing times since the start [s].
         rows: joint angles at each time, n floats [rad].
     """
-
-    feels = False
 
     def __init__(self, times: Sequence[float], rows: Sequence[Joints]) -> None:
         self._path, self._zero, self.end = RestToRest(times, rows), math.inf, times[-1]
@@ -149,8 +145,6 @@ class AngleRows(Reference):
         rows: joint angles from time 0 on, n floats each [rad]; before and after them the body is at rest.
         more: function that computes the next row when it is needed; None: the motion ends with the last row.
     """
-
-    feels = False
 
     def __init__(self, interval: float, rows: list[Joints], more: Callable[[], Joints] | None = None) -> None:
         self._interval, self._rows, self._more = interval, rows, more

@@ -12,7 +12,7 @@ typedef struct {
     int k, m, column[JOINTS];                           /* column: index of each joint among those of the body */
     double rise, fall, smoothing, damping, cycle, full; /* see MuscleDrive.__init__ */
     double at[JOINTS], to[JOINTS], start[JOINTS];       /* at, to: positions and velocities at the last decision */
-    double *least, *excitation;                         /* (k): least activation; excitation of the last decision */
+    double *minimum, *excitation;                       /* (k): minimum activation; excitation of the last decision */
     Py_buffer stiffness;                                /* (m, m), of the last decision */
 } Drive;
 
@@ -129,7 +129,7 @@ static int decide(Drive *self, const Cycle *before, const Cycle *now, double ahe
     for (int r = 0; r < self->m; r++)
         required[r] = tau[self->column[r]] - passive[r];
     double *const array[ARRAYS] = {
-        (double *)now->arms, (double *)now->gain, self->least, required, self->start, aim, shortfall};
+        (double *)now->arms, (double *)now->gain, self->minimum, required, self->start, aim, shortfall};
     if (optimise(self->k, self->m, array) < 0)
         return 0;
     if (at_rest)
@@ -182,11 +182,11 @@ static PyObject *drive_approach_speed(Drive *self, PyObject *const *given, Py_ss
 
 static int drive_init(Drive *self, PyObject *args)
 {
-    PyObject *columns, *least, *stiffness;
-    if (!PyArg_ParseTuple(args, "O!OO(dddddd)", &PyTuple_Type, &columns, &least, &stiffness, &self->rise, &self->fall,
+    PyObject *columns, *minimum, *stiffness;
+    if (!PyArg_ParseTuple(args, "O!OO(dddddd)", &PyTuple_Type, &columns, &minimum, &stiffness, &self->rise, &self->fall,
                           &self->smoothing, &self->damping, &self->cycle, &self->full))
         return -1;
-    const Py_ssize_t m = PyTuple_GET_SIZE(columns), k = PySequence_Size(least);
+    const Py_ssize_t m = PyTuple_GET_SIZE(columns), k = PySequence_Size(minimum);
     if (k < 1 || m < 1 || m > JOINTS) {
         PyErr_Format(PyExc_ValueError, "a drive of %zd muscles on %zd joints; valid: 1 or more, 1 to %d", k, m, JOINTS);
         return -1;
@@ -194,18 +194,18 @@ static int drive_init(Drive *self, PyObject *args)
     for (; self->m < m; self->m++)
         self->column[self->m] = (int)PyLong_AsLong(PyTuple_GET_ITEM(columns, self->m));
     self->k = (int)k;
-    self->least = PyErr_Occurred() ? NULL : zeroed(2 * (size_t)k, sizeof(double));
-    if (self->least == NULL || !take(least, k, self->least)
+    self->minimum = PyErr_Occurred() ? NULL : zeroed(2 * (size_t)k, sizeof(double));
+    if (self->minimum == NULL || !take(minimum, k, self->minimum)
         || PyObject_GetBuffer(stiffness, &self->stiffness, PyBUF_C_CONTIGUOUS) < 0)
         return -1;
-    self->excitation = self->least + k;
+    self->excitation = self->minimum + k;
     const Py_ssize_t bytes = (Py_ssize_t)sizeof(double) * m * m;
     return views_fit(&self->stiffness, 1, &bytes) ? 0 : -1;
 }
 
 static void drive_clear(Drive *self)
 {
-    PyMem_Free(self->least);
+    PyMem_Free(self->minimum);
     PyBuffer_Release(&self->stiffness);
 }
 

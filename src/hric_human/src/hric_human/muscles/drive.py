@@ -65,10 +65,10 @@ class MuscleDrive:
             raise refused(f"{where}rate", rate, f"a divisor of the cycle rate, {1.0 / cycle:g} Hz")
         self._period, self._cycle, self.muscles = round(period), cycle, muscles
         k, m = len(muscles.names), len(muscles.joints)
-        least = StaticOptimization(k, m).least(np.where(muscles.is_muscle, co_contraction, 0.0)).tolist()
+        minimum = StaticOptimization(k, m).raised(np.where(muscles.is_muscle, co_contraction, 0.0)).tolist()
         self._stiffness = np.zeros((m, m))
         constants = curves.RISE, curves.FALL, curves.SMOOTHING, DAMPING_TIME, cycle, FULL
-        self._compiled = _Drive(muscles.joints, least, self._stiffness, constants)
+        self._compiled = _Drive(muscles.joints, minimum, self._stiffness, constants)
         self.approach_speed: Callable[[float, float], float] = self._compiled.approach_speed
         self.restart()
 
@@ -107,7 +107,7 @@ class MuscleDrive:
             tau: desired torque, n floats [N m].
         """
         before, now = self._values, np.empty(self._values.size)
-        self._outside = self.muscles.write(q, dq, now)
+        self._outside = self.muscles.compiled.at(q, dq, now)
         if self._since == self._period:
             self._decide(now, q, dq, tau)
         self._values = now
@@ -123,7 +123,7 @@ class MuscleDrive:
             full = self._compiled.decide(self._values, now, decided, q, dq, tau, time, at_rest)
         except ValueError as error:
             raise HricError(f"static optimisation: {error}") from error
-        self.muscles.write_stiffness(now[: self.muscles.size], self._row(2), self._stiffness, STIFFNESS)
+        self.muscles.compiled.stiffness(now[: self.muscles.size], self._row(2), self._stiffness, STIFFNESS)
         self.excitation, self.shortfall = decided[k : 2 * k], decided[2 * k :]
         self._started, self._since = True, 0
         self._note_limits(full)

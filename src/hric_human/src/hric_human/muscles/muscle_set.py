@@ -5,7 +5,7 @@ Lengths of a muscle scale with the segments that it spans, its strength with the
 ideal torque actuators with activation, one for each direction.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -140,10 +140,7 @@ class MuscleSet:
         scaled: muscles scaled to the body, without actuators.
         joints: indices in body.joints of the m joints that muscles and actuators move: the columns of moment arms.
         size: size of `MuscleState.numbers`.
-        write: function (q, dq, out) that writes `MuscleState.numbers` to the begin of the array out, and returns
-            `MuscleState.outside`.
-        write_stiffness: function (numbers, activation, stiffness, ratio) that writes the stiffness of `intrinsic` to an
-            array of shape (m, m); ratio: stiffness of a muscle per force [1/m].
+        compiled: object of `muscles.c` with the functions of `at` and `intrinsic`, which write to given arrays.
 
     Raises:
         HricError: the body has no arm, or the factor is not above 0.
@@ -175,26 +172,24 @@ class MuscleSet:
         self.muscle_count = sum(self.is_muscle)
         self.size = constant.size
         shape = len(names), len(columns), len(self._order)
-        self._compiled = _built.Muscles(_curves(), constant, shape, arms)
-        self.write: Callable[[Sequence[float], Sequence[float], FloatArray], bool] = self._compiled.at
-        self.write_stiffness: Callable[[FloatArray, FloatArray, FloatArray, float], None] = self._compiled.stiffness
+        self.compiled = _built.Muscles(_curves(), constant, shape, arms)
 
     def at(self, q: Sequence[float], dq: Sequence[float]) -> MuscleState:
         """Return the state of the muscles at the positions [rad] and velocities [rad/s] of all joints of the body."""
         out = np.empty(self.size)
-        return MuscleState(out, len(self.names), self.write(q, dq, out))
+        return MuscleState(out, len(self.names), self.compiled.at(q, dq, out))
 
     def intrinsic(self, state: MuscleState, activation: FloatArray) -> Intrinsic:
         """Return the joint impedance that muscles have at activations of shape (k,) [1], without reflexes."""
         stiffness = np.empty((len(self.joints), len(self.joints)))
-        self.write_stiffness(state.numbers, activation, stiffness, STIFFNESS)
+        self.compiled.stiffness(state.numbers, activation, stiffness, STIFFNESS)
         return Intrinsic(stiffness, DAMPING_TIME * stiffness)
 
     def _arm(self, anatomy: Anatomy, side: str, row: int, column: int) -> tuple[object, ...]:
         """Return the muscles of one side, as arguments of the type in `muscles.c`."""
         angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
         products = _Monomials(anatomy)
-        size, term, target, coefficient = products.tiles(muscle.length for muscle in anatomy.muscles.values())
+        size, term, target, coefficient = products.tiles([muscle.length for muscle in anatomy.muscles.values()])
         own = [muscle.curves.numbers() for muscle in anatomy.muscles.values() if muscle.curves is not None]
         counts = len(products.factor), len(anatomy.muscles), len(size), len(term)
         integers = np.concatenate([angles, products.factor, products.angle, size, term, target])
@@ -248,7 +243,7 @@ class _Monomials:
             self.factor.append(self._indices[_lowered(power, angle)])
             self.angle.append(angle)
 
-    def tiles(self, lengths: Iterable[Polynomial]) -> tuple[list[int], list[int], list[int], list[float]]:
+    def tiles(self, lengths: Sequence[Polynomial]) -> tuple[list[int], list[int], list[int], list[float]]:
         """Return a sparse matrix whose rows are each muscle's length, followed by its derivatives by each angle.
 
         Up to WIDTH rows with the same monomials are a tile.
@@ -258,36 +253,36 @@ class _Monomials:
                 of all rows; for each monomial of each tile its coefficients in these rows, filled up with 0.
         """
         alike: dict[tuple[int, ...], list[tuple[int, list[float]]]] = {}
-        row = 0
-        for length in lengths:
-            powers = list(zip(self._powers(length), length.coefficients, strict=True))
-            for angle in (None, *range(len(self._joints))):
-                entries = [
-                    (p, c) if angle is None else (_lowered(p, angle), c * p[angle])
-                    for p, c in powers
-                    if angle is None or p[angle]
-                ]
-                monomials = tuple(self._indices[power] for power, _ in entries)
-                alike.setdefault(monomials, []).append((row, [value for _, value in entries]))
-                row += 1
-        alike.pop((), None)
-        size, term, target, coefficient = list[int](), list[int](), list[int](), list[float]()
-        for monomials, members in alike.items():
-            for tile in (members[begin : begin + WIDTH] for begin in range(0, len(members), WIDTH)):
-                empty = WIDTH - len(tile)
-                size.append(len(monomials))
-                term += monomials
-                target += [index for index, _ in tile] + [row] * empty
-                for column in zip(*(values for _, values in tile), strict=True):
-                    coefficient += [*column, *[0.0] * empty]
-        return size, term, target, coefficient
+        count = len(lengths) * (1 + len(self._joints))
+        for row, (length, angle) in enumerate(product(lengths, (None, *range(len(self._joints))))):
+            entries = {
+                self._indices[_lowered(power, angle)]: value if angle is None else value * power[angle]
+                for power, value in zip(self._powers(length), length.coefficients, strict=True)
+                if angle is None or power[angle]
+            }
+            alike.setdefault(tuple(entries), []).append((row, list(entries.values())))
+        tiles = []
+        for monomials, rows in alike.items():
+            rows += [(count, [0.0] * len(monomials))] * (-len(rows) % WIDTH)
+            tiles += [(monomials, rows[begin : begin + WIDTH]) for begin in range(0, len(rows), WIDTH) if monomials]
+        return (
+            [len(monomials) for monomials, _ in tiles],
+            [index for monomials, _ in tiles for index in monomials],
+            [row for _, rows in tiles for row, _ in rows],
+            [
+                value
+                for _, rows in tiles
+                for column in zip(*(values for _, values in rows), strict=True)
+                for value in column
+            ],
+        )
 
     def _powers(self, polynomial: Polynomial) -> list[tuple[int, ...]]:
         return [tuple(power) for power in polynomial.powers(self._joints).tolist()]
 
 
-def _lowered(power: tuple[int, ...], angle: int) -> tuple[int, ...]:
-    return (*power[:angle], power[angle] - 1, *power[angle + 1 :])
+def _lowered(power: tuple[int, ...], angle: int | None) -> tuple[int, ...]:
+    return power if angle is None else (*power[:angle], power[angle] - 1, *power[angle + 1 :])
 
 
 def _constant(muscles: int, joints: int, actuators: Iterable[tuple[int, int, float]]) -> FloatArray:

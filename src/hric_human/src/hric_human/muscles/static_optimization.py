@@ -81,7 +81,7 @@ class StaticOptimization:
         Raises:
             HricError: an array has a wrong shape, a number is not finite, or a co-contraction is not from 0 to 1.
         """
-        lower = self._lower if co_contraction is None else self.least(co_contraction)
+        lower = self._lower if co_contraction is None else self.raised(co_contraction)
         arrays = [np.ascontiguousarray(values, np.float64) for values in (arms, gain, lower, torque)]
         activation, shortfall = np.empty(len(self._lower)), np.empty(len(self._start))
         if tuple(array.shape for array in arrays) != self._shapes:
@@ -94,8 +94,8 @@ class StaticOptimization:
             raise HricError(f"static optimisation: {_not_finite(arrays)} not finite") from error
         return ActivationSolution(activation, shortfall, iterations)
 
-    def least(self, co_contraction: FloatArray) -> FloatArray:
-        """Return the least activation of each muscle with a co-contraction of shape (k,) [1]. Raises HricError."""
+    def raised(self, co_contraction: FloatArray) -> FloatArray:
+        """Return the minimum activation of each muscle with a co-contraction of shape (k,) [1]. Raises HricError."""
         added = np.asarray(co_contraction, np.float64)
         if not bool(np.all((added >= 0.0) & (added <= 1.0))):
             raise HricError(f"static optimisation: the co-contraction is {added.tolist()}; valid: from 0 to 1")
