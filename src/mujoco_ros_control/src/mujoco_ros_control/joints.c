@@ -166,14 +166,37 @@ static PyObject *joints_put(Joints *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
+/* Apply the efforts of the motors in the coming step. */
+static void apply(Joints *self)
+{
+    for (int i = 0; i < self->n; i++)
+        self->data->qfrc_applied[self->dof[i]] = self->effort[i] - self->hold[i];
+    gather(self->data->qvel, self->dof, self->n, self->before);
+}
+
 static PyObject *joints_write(Joints *self, PyObject *efforts)
 {
     if (!take(efforts, self->n, self->effort))
         return NULL;
-    for (int i = 0; i < self->n; i++)
-        self->data->qfrc_applied[self->dof[i]] = self->effort[i] - self->hold[i];
-    gather(self->data->qvel, self->dof, self->n, self->before);
+    apply(self);
     Py_RETURN_NONE;
+}
+
+static PyObject *joints_write_within(Joints *self, PyObject *const *given, Py_ssize_t count)
+{
+    double low[self->n > 0 ? self->n : 1], high[self->n > 0 ? self->n : 1];
+    if (!expect(count, 3, "write_within(efforts, low, high)") || !take(given[1], self->n, low)
+        || !take(given[2], self->n, high))
+        return NULL;
+    for (int i = 0; i < self->n; i++) {
+        const double q = self->data->qpos[self->position[i]];
+        if (!(low[i] <= q && q <= high[i]))
+            Py_RETURN_FALSE;
+    }
+    if (!take(given[0], self->n, self->effort))
+        return NULL;
+    apply(self);
+    Py_RETURN_TRUE;
 }
 
 /* Efforts on the link side of the rotors: motor efforts less those that accelerated the rotors since `write`. */
@@ -210,9 +233,8 @@ static int search(const Joints *self, int off)
 }
 
 /* First part of mj_step: positions and velocities of all bodies. Afterwards forces may be applied to the bodies. */
-static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
+static void prepare(Joints *self)
 {
-    PyThreadState *interpreter = PyEval_SaveThread();
     grip(self);
     const int clear = begins_clear(&self->clearance, self->model, self->data), flags = search(self, clear);
     call(self, POSITION);
@@ -220,6 +242,12 @@ static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
     self->model->opt.disableflags = flags;
     if (!clear)
         renew_clearance(&self->clearance, self->model, self->data);
+}
+
+static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
+{
+    PyThreadState *interpreter = PyEval_SaveThread();
+    prepare(self);
     PyEval_RestoreThread(interpreter);
     Py_RETURN_NONE;
 }
@@ -258,20 +286,22 @@ static PyObject *joints_integrate(Joints *self, PyObject *Py_UNUSED(nothing))
     Py_RETURN_NONE;
 }
 
-static PyObject *joints_finish(Joints *self, PyObject *efforts)
+static PyObject *joints_finish(Joints *self, PyObject *const *given, Py_ssize_t count)
 {
-    PyObject *done = joints_write(self, efforts);
-    if (done == NULL)
+    if (!expect(count, 2, "finish(efforts, prepared)") || !take(given[0], self->n, self->effort))
         return NULL;
-    Py_DECREF(done);
+    const int prepared = given[1] == Py_True;
     PyThreadState *interpreter = PyEval_SaveThread();
+    if (!prepared)
+        prepare(self);
+    apply(self);
     accelerate(self);
     integrate(self);
     PyEval_RestoreThread(interpreter);
     gather(self->data->qpos, self->position, self->n, self->q);
     gather(self->data->qvel, self->dof, self->n, self->dq);
     PyObject *q = list(self->q, self->n);
-    return Py_BuildValue("NNNNO", q, list(self->dq, self->n), measured(self, q), joints_passed(self, efforts),
+    return Py_BuildValue("NNNNO", q, list(self->dq, self->n), measured(self, q), joints_passed(self, given[0]),
                          is_quiet(self) ? Py_True : Py_False);
 }
 
@@ -401,13 +431,16 @@ static PyMethodDef joints_methods[] = {
     {"read", (PyCFunction)joints_read, METH_NOARGS, "() -> q, dq, q at the measuring instant"},
     {"put", (PyCFunction)joints_put, METH_VARARGS, "(q, dq): set the state at the measuring instant"},
     {"write", (PyCFunction)joints_write, METH_O, "(efforts): set the motor efforts of the coming step"},
+    {"write_within", FAST(joints_write_within),
+     "(efforts, low, high) -> True if all positions are within these limits; only then the efforts are set"},
     {"passed", (PyCFunction)joints_passed, METH_O, "(motor efforts) -> efforts on the rotors' link side since `write`"},
     {"loads", (PyCFunction)joints_loads, METH_NOARGS, "() -> (origin, force, torque) in each joint, in the last step"},
     {"accelerate", (PyCFunction)joints_accelerate, METH_NOARGS, "(): compute accelerations, after `prepare`"},
     {"integrate", (PyCFunction)joints_integrate, METH_NOARGS, "(): complete the step, after `accelerate`"},
     {"prepare", (PyCFunction)joints_prepare, METH_NOARGS, "(): begin a step, update positions and velocities"},
-    {"finish", (PyCFunction)joints_finish, METH_O,
-     "(efforts): complete a prepared step -> q, dq, q at the measuring instant, link-side efforts, True if all is "
+    {"finish", FAST(joints_finish),
+     "(efforts, prepared): make a step, or complete a prepared one -> q, dq, q at the measuring instant, link-side "
+     "efforts, True if all is "
      "finite and slow"},
     {0}};
 

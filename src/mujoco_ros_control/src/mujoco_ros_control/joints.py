@@ -51,6 +51,9 @@ class Joints(Protocol):
     def write(self, efforts: Vector, /) -> None:
         """Set the motor efforts of the coming step [N m or N]."""
 
+    def write_within(self, efforts: Vector, low: Vector, high: Vector, /) -> bool:
+        """Do `write` if all positions are within [low, high]; return whether they are [N m or N, rad or m]."""
+
     def passed(self, efforts: Vector, /) -> list[float]:
         """Return the efforts on the link side of the rotors since `write` [N m or N]; efforts: those of the motors."""
 
@@ -70,8 +73,10 @@ class Joints(Protocol):
     def integrate(self) -> None:
         """Complete the step, after `accelerate`."""
 
-    def finish(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
-        """Complete the prepared step with these motor efforts [N m or N], and return the new state.
+    def finish(
+        self, efforts: Vector, prepared: bool, /
+    ) -> tuple[list[float], list[float], list[float], list[float], bool]:
+        """Make a step with these motor efforts [N m or N], or complete the prepared one, and return the new state.
 
         Returns:
             MuJoCo's positions and velocities, positions at the measuring instant, efforts on the link side of the

@@ -49,9 +49,10 @@ class MujocoPlant(EnginePlant, ReactingPlant):
 
     def step(self) -> None:
         """Advance the simulation by `time_step`."""
-        pushing = self.world.acts or bool(self.world.wrenches.active)
+        world = self.world
+        pushing = world.acts or bool(world.wrenches.active)
         if self._pushed:
-            self.world.scene.d.xfrc_applied[:] = 0.0
+            world.scene.d.xfrc_applied[:] = 0.0
         self.robot.step(self._values, self._push if pushing else None)
         self._pushed = pushing
 
@@ -82,7 +83,8 @@ class MujocoPlant(EnginePlant, ReactingPlant):
 
     def contacts(self) -> list[Contact]:
         """Return the contacts of the last step."""
-        return self.world.penalty.last + rigid_contacts(self.world.scene, self.time_step)
+        scene, penalty = self.world.scene, self.world.penalty.last
+        return penalty + rigid_contacts(scene, self.time_step) if scene.d.ncon else penalty
 
     def joint_reactions(self) -> list[JointReaction]:
         """Return force and torque in each moving joint of the robot in the last step; empty before the first step."""

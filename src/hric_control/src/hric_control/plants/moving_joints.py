@@ -99,32 +99,12 @@ class MovingJoints:
 
     def command(self, values: Sequence[float] | FloatArray) -> list[float]:
         """Return commands of all moving joints as a new list, from those of the actuated ones; the others are zero."""
-        floats: list[float] = values.tolist() if isinstance(values, np.ndarray) else list(values)
+        floats: list[float] = values[:] if type(values) is list else np.asarray(values).tolist()
         return floats if len(floats) == self._straight_length else self.spread(floats, self.zeros)
 
     def pick(self, values: Sequence[T]) -> list[T]:
         """Return the values of the actuated joints, from values of all moving joints."""
         return [values[i] for i in self.user]
-
-    def read(
-        self,
-        state: tuple[Sequence[float], Sequence[float], Sequence[float]],
-        q: list[float],
-        dq: list[float],
-        tau: list[float],
-    ) -> None:
-        """Write position, velocity and effort of the actuated joints to q, dq and tau.
-
-        Args:
-            state: positions, velocities and efforts of all moving joints.
-            q: positions of the actuated joints, written in place [rad or m].
-            dq: velocities of the actuated joints, written in place [rad/s or m/s].
-            tau: efforts of the actuated joints, written in place [N m or N].
-        """
-        if self.straight:
-            q[:], dq[:], tau[:] = state
-        else:
-            q[:], dq[:], tau[:] = map(self.pick, state)
 
     def start(self, q: Sequence[float], dq: Sequence[float], now: Sequence[float]) -> tuple[list[float], list[float]]:
         """Return positions and velocities of all moving joints [rad or m, rad/s or m/s] for a given state.
