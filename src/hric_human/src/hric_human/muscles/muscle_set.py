@@ -155,8 +155,9 @@ class MuscleSet:
         self._order, self._strength, self._body, self._factor = list(body.joints), strength(body), body, factor
         self.scaled: list[ScaledMuscle] = []
         names, columns, arms, actuators = list[str](), list[str](), [], list[tuple[int, int, float]]()
+        products = _Monomials(anatomy)
         for side in sides:
-            arms.append(self._arm(anatomy, side, len(names), len(columns)))
+            arms.append(self._arm(anatomy, products, side, len(names), len(columns)))
             names += [f"{side}_{name}" for name in anatomy.muscles]
             columns += [f"{side}_{name}" for name in anatomy.joints]
             for joint in (f"{side}_{row.name}" for row in ARM if row.name not in anatomy.joints):
@@ -185,11 +186,10 @@ class MuscleSet:
         self.compiled.stiffness(state.numbers, activation, stiffness, STIFFNESS)
         return Intrinsic(stiffness, DAMPING_TIME * stiffness)
 
-    def _arm(self, anatomy: Anatomy, side: str, row: int, column: int) -> tuple[object, ...]:
+    def _arm(self, anatomy: Anatomy, products: "_Monomials", side: str, row: int, column: int) -> tuple[object, ...]:
         """Return the muscles of one side, as arguments of the type in `muscles.c`."""
         angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
-        products = _Monomials(anatomy)
-        size, term, target, coefficient = products.tiles([muscle.length for muscle in anatomy.muscles.values()])
+        size, term, target, coefficient = products.tiles
         own = [muscle.curves.numbers() for muscle in anatomy.muscles.values() if muscle.curves is not None]
         counts = len(products.factor), len(anatomy.muscles), len(size), len(term)
         integers = np.concatenate([angles, products.factor, products.angle, size, term, target])
@@ -230,6 +230,7 @@ class _Monomials:
 
     Attributes:
         factor, angle: for each monomial, index of the earlier monomial and of the angle; 0 for the first.
+        tiles: sparse matrix of the lengths and their derivatives, see `_tiles`.
     """
 
     def __init__(self, anatomy: Anatomy) -> None:
@@ -242,8 +243,9 @@ class _Monomials:
             angle = next(i for i, exponent in enumerate(power) if exponent)
             self.factor.append(self._indices[_lowered(power, angle)])
             self.angle.append(angle)
+        self.tiles = self._tiles([muscle.length for muscle in anatomy.muscles.values()])
 
-    def tiles(self, lengths: Sequence[Polynomial]) -> tuple[list[int], list[int], list[int], list[float]]:
+    def _tiles(self, lengths: Sequence[Polynomial]) -> tuple[list[int], list[int], list[int], list[float]]:
         """Return a sparse matrix whose rows are each muscle's length, followed by its derivatives by each angle.
 
         Up to WIDTH rows with the same monomials are a tile.
