@@ -4,7 +4,7 @@
 
 Crowninshield & Brand, J. Biomech. 14:793, 1981, but with activations instead of stresses, as in OpenSim's
 StaticOptimization with exponent 2. The problem is strictly convex and has one solution. Its dual is solved in C
-(`static_optimization.c`): a_i is b_i . x clipped to its bounds, with b_i = gain_i arms_i; x has one number per joint
+(`static_optimization.h`): a_i is b_i . x clipped to its bounds, with b_i = gain_i arms_i; x has one number per joint
 and minimises a convex, piecewise quadratic function, by Newton's method with a line search. Starting from the last
 solution saves steps and does not change the result.
 """
