@@ -89,13 +89,13 @@ static PyObject *laws_address(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(n
 static void settle_laws(const mjModel *m, mjData *d)
 {
     Law laws[m->neq > 0 ? m->neq : 1];
-    const int count = take_laws(m, laws), explicit = m->opt.integrator == mjINT_RK4;
+    const int n = m->nv, count = take_laws(m, laws), explicit = m->opt.integrator == mjINT_RK4;
     if (count == 0)
         return;
-    double A[m->nv * m->nv];
+    double A[n * n];
     const double step = m->opt.timestep;
     factor_masses(m, d, explicit ? 0.0 : step, A);
-    settle(m, d, count, laws, A, explicit ? 0.5 * step : step, mujoco[MOVE].of_positions);
+    settle(m, d, n, count, laws, A, explicit ? 0.5 * step : step, mujoco[MOVE].of_positions);
 }
 
 /* Friction at rest (bristle model) in the coming step: a constant effort, plus a part proportional to the speed at the

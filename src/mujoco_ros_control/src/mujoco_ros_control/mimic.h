@@ -85,11 +85,11 @@ static void constrain(const mjModel* m, int count, const Law* laws, const double
 }
 
 /* Bring the state onto the laws at the end of a step, by the impulse that changes the velocities least in terms of
-   kinetic energy. ahead: time for which the change of velocity also moves the positions [s]. */
-static void settle(const mjModel* m, mjData* d, int count, const Law* laws, const double* A, double ahead,
+   kinetic energy. n: number of velocities; ahead: time for which the change of velocity also moves the positions [s].
+ */
+static void settle(const mjModel* m, mjData* d, int n, int count, const Law* laws, const double* A, double ahead,
                    void (*move)(const mjModel*, mjtNum*, const mjtNum*, mjtNum))
 {
-  const int n = m->nv;
   double v[n], ignored[n];
   memcpy(v, d->qvel, sizeof v);
   memset(ignored, 0, sizeof ignored);
