@@ -127,7 +127,8 @@ class Judge:
 
     def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
         self._watch, joints = ContactWatch(hw, settings), tuple(settings.body().joints)
-        self._scores = [InstantScore(Rula(), joints, side) for side in ("right", "left")] if TRUNK in joints else []
+        self._score = InstantScore(Rula(), joints, "right", "left") if TRUNK in joints else None
+        self._worst_score = Rula().table().warning.value
         supervision = SupervisorSettings()
         self._stopping = StoppingModel(supervision)
         self._protective = Protective(supervision, self._stopping)
@@ -149,8 +150,9 @@ class Judge:
         effort = float(np.fmax.reduce(person.strength_share, initial=-math.inf))  # of those that are known
         if math.isfinite(effort):
             shares[EFFORT] = effort
-        if self._scores:
-            shares[POSTURE] = self._posture(person.q.tolist())
+        if self._score is not None:
+            # Loads and repetitions, which the simulation does not know, count as favourable: a lower bound.
+            shares[POSTURE] = self._score(person.q.tolist()) / self._worst_score
         over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
         return Costs(
             shares,
@@ -169,17 +171,12 @@ class Judge:
         ends = person.capsules.ends
         before, self._before = self._before, (observation.time, ends)
         velocities = np.zeros_like(ends) if before is None else (ends - before[1]) / (observation.time - before[0])
-        near = nearness(observation.arm.capsules, person.capsules, velocities)
-        speed = float(np.linalg.norm(observation.arm.capsules.velocities, axis=2).max())
-        braking = self._stopping.left(observation.time, observation.time, InForce(), speed)
+        arm = observation.arm.capsules
+        near = nearness(arm, person.capsules, velocities)
+        braking = self._stopping.left(observation.time, observation.time, InForce(), arm.fastest)
         _, terms = self._protective.measured(near, braking)
-        distance = np.maximum(near.distance, TINY)
-        shares = np.where(near.distance > 0.0, terms.total / distance, math.inf)
-        return float(shares.max()), float(((terms.reaction + terms.stopping) / distance).max())
-
-    def _posture(self, q: Sequence[float]) -> float:
-        """Return the RULA score of the worse arm, divided by the highest score that is not "above limits" [1].
-
-        Loads and repetitions, which the simulation does not know, count as favourable: the result is a lower bound.
-        """
-        return max(score(q) for score in self._scores) / Rula().table().warning.value
+        rows = list(zip(*(a.tolist() for a in (near.distance, terms.total, terms.reaction, terms.stopping)), strict=True))
+        return (
+            max(total / max(distance, TINY) if distance > 0.0 else math.inf for distance, total, _, _ in rows),
+            max((reaction + stopping) / max(distance, TINY) for distance, _, reaction, stopping in rows),
+        )

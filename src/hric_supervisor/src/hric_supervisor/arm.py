@@ -61,6 +61,11 @@ class PlacedCapsules(NamedTuple):
     radii: FloatArray
     links: tuple[str, ...]
 
+    @property
+    def fastest(self) -> float:
+        """Speed of the fastest end [m/s]."""
+        return math.sqrt((self.velocities * self.velocities).sum(axis=2).max())
+
 
 class ArmShape:
     """Capsules around the moving links of an arm's URDF; links that are fixed to the world are left out.

@@ -211,7 +211,7 @@ class Supervisor:
     ) -> Decision:
         """Decide from valid data; velocities: of the axis ends of the person's capsules, shape (m, 2, 3) [m/s]."""
         placed, stamp = self._arm.at(arm), person.stamp
-        fastest = float(np.linalg.norm(placed.velocities, axis=2).max())
+        fastest = placed.fastest
         if fastest > self._stopping.fastest:
             known = f"the table of stops goes up to {self._stopping.fastest:g} m/s"
             return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, but {known}")
