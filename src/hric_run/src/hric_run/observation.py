@@ -170,7 +170,7 @@ class Observer:
             root, _ = plant.link_state(f"{HUMAN}::{ROOT}")
             moved = pose_of_transform(root)
         hand = root @ self._hand.pose(q).transform()
-        placed = self._body_shape.seen(self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), moved)
+        placed = self._body_shape.placed(self._hw.loop.time, "world", q, moved)
         return PersonObservation(
             self._joints, np.array(q), np.array(dq), root, hand, self._tau, self._share, self._activations, placed
         )

@@ -59,10 +59,10 @@ static void turn(const double *axis, double q, double *orientation)
     orientation[3] = aw * bw - ax * bx - ay * by - az * bz;
 }
 
-/* Compute the pose of the hand, and the axis and velocity of each of n joints at the angles q. */
-static void place(const Chain *chain, const double *q, Py_ssize_t n, double *pose, double *linear, double *axes)
+/* Compute the pose of the hand, and the origin and axis of each of n joints at the angles q. */
+static void reach(const Chain *chain, const double *q, Py_ssize_t n, double *pose, double (*origins)[3], double *axes)
 {
-    double origins[MOST][3], *p = pose, *orientation = pose + 3;
+    double *p = pose, *orientation = pose + 3;
     memcpy(pose, chain, 7 * sizeof(double));
     for (Py_ssize_t i = 0; i < n; i++) {
         add_rotated(orientation, chain->joints[i].offset, p);
@@ -72,28 +72,43 @@ static void place(const Chain *chain, const double *q, Py_ssize_t n, double *pos
     }
     add_rotated(orientation, chain->after, p);
     add_rotated(orientation, chain->p_link_hand, p);
+}
+
+/* Compute the pose of the hand, and the axis and velocity of each of n joints at the angles q. */
+static void place(const Chain *chain, const double *q, Py_ssize_t n, double *pose, double *linear, double *axes)
+{
+    double origins[MOST][3], *p = pose;
+    reach(chain, q, n, pose, origins, axes);
     for (Py_ssize_t i = 0; i < n; i++) {
         const double lever[3] = {p[0] - origins[i][0], p[1] - origins[i][1], p[2] - origins[i][2]};
         cross(axes + 3 * i, lever, linear + 3 * i);
     }
 }
 
+/* Copy up to MOST joint angles, and set the size that the chain of their joints has; return their number, -1 with a
+ * Python error set on failure. */
+static Py_ssize_t take_angles(PyObject *angles, double *q, Py_ssize_t *chain_bytes)
+{
+    const Py_ssize_t n = PySequence_Size(angles);
+    if (n > MOST)
+        PyErr_Format(PyExc_ValueError, "0 to %d joints are possible", MOST);
+    *chain_bytes = (Py_ssize_t)(sizeof(Chain) + (size_t)n * sizeof(Joint));
+    return n >= 0 && n <= MOST && take(angles, n, q) ? n : -1;
+}
+
 FUNCTION(hand)
 {
     enum { CHAIN, POSE, LINEAR, AXES, VIEWS, Q = VIEWS, COUNT };
     Py_buffer views[VIEWS];
+    Py_ssize_t bytes[VIEWS];
     double q[MOST];
     if (!expect(count, COUNT, "hand(chain, pose, linear, axes, q)"))
         return NULL;
-    const Py_ssize_t n = PySequence_Size(given[Q]), row = 3 * n * (Py_ssize_t)sizeof(double);
-    if (n < 0 || n > MOST) {
-        if (!PyErr_Occurred())
-            PyErr_Format(PyExc_ValueError, "0 to %d joints are possible", MOST);
+    const Py_ssize_t n = take_angles(given[Q], q, bytes + CHAIN);
+    if (n < 0 || !take_views(given, VIEWS, 1, views))
         return NULL;
-    }
-    const Py_ssize_t bytes[VIEWS] = {(Py_ssize_t)(sizeof(Chain) + n * sizeof(Joint)), 7 * sizeof(double), row, row};
-    if (!take(given[Q], n, q) || !take_views(given, VIEWS, 1, views))
-        return NULL;
+    bytes[POSE] = 7 * sizeof(double);
+    bytes[LINEAR] = bytes[AXES] = 3 * n * (Py_ssize_t)sizeof(double);
     const int fit = views_fit(views, VIEWS, bytes);
     if (fit)
         place(views[CHAIN].buf, q, n, views[POSE].buf, views[LINEAR].buf, views[AXES].buf);
@@ -101,8 +116,26 @@ FUNCTION(hand)
     return fit ? Py_NewRef(Py_None) : NULL;
 }
 
+FUNCTION(pose)
+{
+    Py_buffer view;
+    Py_ssize_t bytes;
+    double q[MOST], pose[7], origins[MOST][3], axes[3 * MOST];
+    if (!expect(count, 2, "pose(chain, q)"))
+        return NULL;
+    const Py_ssize_t n = take_angles(given[1], q, &bytes);
+    if (n < 0 || !take_views(given, 1, 1, &view))
+        return NULL;
+    const int fit = views_fit(&view, 1, &bytes);
+    if (fit)
+        reach(view.buf, q, n, pose, origins, axes);
+    release_views(&view, 1);
+    return fit ? list(pose, 7) : NULL;
+}
+
 static PyMethodDef methods[] = {
     METHOD(hand, "(chain, pose, linear, axes, q): fill the arrays for the joint angles q"),
+    METHOD(pose, "(chain, q): return position and orientation of the hand for the joint angles q, 7 floats"),
     {0},
 };
 
