@@ -1,15 +1,18 @@
 """Posture score of one instant, as a control loop or a learning environment needs it: by looking up the posture."""
 
 import math
-from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hric_assessment.ergonomics.posture import ANGLES, NOTHING_KNOWN, Task, of_joints
-from hric_assessment.ergonomics.scoring import PostureMethod
+from hric_assessment.ergonomics.posture import ANGLES, NOTHING_KNOWN, Task, of_joints, sources
+from hric_assessment.ergonomics.scoring import IntArray, PostureMethod
 from hric_assessment.tables import PostureTable
-from hric_core.errors import HricError, check_known
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_core.native import load
+
+_exceeded: Callable[[Sequence[float], IntArray, FloatArray], bytes] = load("hric_posture").exceeded
 
 
 class InstantScore:
@@ -25,14 +28,13 @@ class InstantScore:
         task: task of the arm, with one value per field.
 
     Raises:
-        UnknownNameError: an arm lacks a joint that another one has.
+        HricError: a side is neither "right" nor "left".
     """
 
     def __init__(self, method: PostureMethod, joints: Sequence[str], *sides: str, task: Task = NOTHING_KNOWN) -> None:
-        self._method, self._joints, self._side, self._task = method, tuple(joints), sides[0], task
-        self._columns = np.array([_exchanged(self._joints, self._side, side) for side in sides])
-        self._thresholds = list(thresholds(method.table()).items())
-        self._scores: dict[tuple[int, ...], int] = {}
+        self._method, self._joints, self._sides, self._task = method, tuple(joints), sides, task
+        self._thresholds = [_by_joints(thresholds(method.table()), joints, side) for side in sides]
+        self._scores: dict[tuple[int, bytes], int] = {}
 
     def __call__(self, q: Sequence[float]) -> int:
         """Return the score at joint positions [rad].
@@ -42,24 +44,24 @@ class InstantScore:
         """
         if not all(map(math.isfinite, q)):
             raise HricError(f"the posture has joint positions that are not finite: {list(q)}; valid: finite numbers")
-        posture = of_joints(self._joints, np.array(q)[self._columns], self._side)
         if not self._method.by_table:
-            return int(self._method.score(posture, self._task).score.max())
-        angles = [(getattr(posture, name), bounds) for name, bounds in self._thresholds]
-        exceeded = [[bisect_right(bounds, a) for a in angle.tolist()] for angle, bounds in angles if angle is not None]
-        keys = list(zip(*exceeded, strict=True)) or [()]
-        if not all(key in self._scores for key in keys):
-            self._scores |= zip(keys, self._method.score(posture, self._task).score.tolist(), strict=True)
+            return max(self._score(q, side) for side in self._sides)
+        keys = [(number, _exceeded(q, *rows)) for number, rows in enumerate(self._thresholds)]
+        for key in keys:
+            if key not in self._scores:
+                self._scores[key] = self._score(q, self._sides[key[0]])
         return max([self._scores[key] for key in keys])
 
+    def _score(self, q: Sequence[float], side: str) -> int:
+        return int(self._method.score(of_joints(self._joints, np.array(q), side), self._task).score[0])
 
-def _exchanged(joints: Sequence[str], side: str, other: str) -> list[int]:
-    """Return the index of each joint of a body whose sides are exchanged, so that the arm `other` is that of `side`."""
-    exchanged = {side: other, other: side}
-    parts = [name.split("_", 1) for name in joints]
-    names = ["_".join([exchanged.get(first, first), *rest]) for first, *rest in parts]
-    check_known("joint", names, joints, "the body, of which both arms count")
-    return [joints.index(name) for name in names]
+
+def _by_joints(bounds: dict[str, list[float]], joints: Sequence[str], side: str) -> tuple[IntArray, FloatArray]:
+    """Return sources and thresholds of the known angles for posture.c, shapes (n, 5) and (n, m)."""
+    known = {name: source for name, source in sources(joints, side).items() if name in bounds}
+    size = max((len(bounds[name]) for name in known), default=0)
+    rows = [bounds[name] + [math.inf] * (size - len(bounds[name])) for name in known]
+    return np.array(list(known.values()), np.intc).reshape(-1, 5), np.array(rows).reshape(len(known), size)
 
 
 def thresholds(table: PostureTable) -> dict[str, list[float]]:
