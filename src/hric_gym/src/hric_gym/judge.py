@@ -175,8 +175,10 @@ class Judge:
         near = nearness(arm, person.capsules, velocities)
         braking = self._stopping.left(observation.time, observation.time, InForce(), arm.fastest)
         _, terms = self._protective.measured(near, braking)
-        rows = list(zip(*(a.tolist() for a in (near.distance, terms.total, terms.reaction, terms.stopping)), strict=True))
-        return (
-            max(total / max(distance, TINY) if distance > 0.0 else math.inf for distance, total, _, _ in rows),
-            max((reaction + stopping) / max(distance, TINY) for distance, _, reaction, stopping in rows),
-        )
+        separation = stopping = 0.0
+        approach = terms.reaction + terms.stopping
+        for distance, total, part in zip(*(a.tolist() for a in (near.distance, terms.total, approach)), strict=True):
+            divisor = max(distance, TINY)
+            separation = max(separation, total / divisor if distance > 0.0 else math.inf)
+            stopping = max(stopping, part / divisor)
+        return separation, stopping

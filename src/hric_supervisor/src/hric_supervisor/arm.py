@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hric_assessment.separation.capsules import capsules_of, poses, unlogged
+from hric_assessment.separation.protective import fastest
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
@@ -64,7 +65,7 @@ class PlacedCapsules(NamedTuple):
     @property
     def fastest(self) -> float:
         """Speed of the fastest end [m/s]."""
-        return math.sqrt((self.velocities * self.velocities).sum(axis=2).max())
+        return fastest(self.velocities)
 
 
 class ArmShape:

@@ -27,6 +27,8 @@ shapes (k, 2, 3) and (m, 2, 3) [m/s]; result, shape (m, 5): unit vector from the
 end of the arm's and of the person's capsule towards each other, at least 0 [m/s]. If the axes cross, there is no such
 direction, and the full speeds of the faster ends count.
 """
+fastest: Callable[[FloatArray], float] = _compiled.fastest
+"""Function that returns the largest of n speeds [m/s] for velocities, a contiguous float64 array, shape (..., 3)."""
 Values = FloatArray | float
 _NAMES = ("robot_speed", "person_speed", "intrusion", "person_uncertainty", "robot_uncertainty")
 _NAMES += ("stop.reaction_time", "stop.time", "stop.distance")
@@ -157,10 +159,10 @@ def _computed(
     """Return v_h and the terms of S_p; assumed: distance `near`, walking and hand speed of ISO 13855."""
     given = robot_speed, person_speed, *margins, stop.reaction_time, stop.time, stop.braked(robot_speed)
     values = [value if isinstance(value, float) else np.asarray(value, np.float64, order="C") for value in given]
-    shapes = {value.shape for value in values if isinstance(value, np.ndarray)}
-    if len(shapes) > 1:
-        values = [np.asarray(value, order="C") for value in np.broadcast_arrays(*values)]
-    out = np.empty((4, *np.broadcast_shapes(*shapes)))
+    arrays = [value for value in values if isinstance(value, np.ndarray)]
+    if any(array.shape != arrays[0].shape for array in arrays):
+        values = arrays = [np.asarray(value, order="C") for value in np.broadcast_arrays(*values)]
+    out = np.empty((4, *(arrays[0].shape if arrays else ())))
     wrong = _compiled.protective(*values, assumed, out)
     if wrong < len(_NAMES):
         raise HricError(f"{_NAMES[wrong]} is {given[wrong]}; valid: finite numbers of 0 or more")

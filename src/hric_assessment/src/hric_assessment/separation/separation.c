@@ -21,14 +21,15 @@ typedef struct {
 /* Velocities of both ends of a capsule's axis. */
 typedef double Ends[2][3];
 
+static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
 /* Return the speed of the faster end along a unit vector (NULL: in any direction) times a sign, at least 0. */
-static double speed_along(const Ends ends, const double *direction, double sign)
+static double speed_along(const Ends ends, const double *d, double sign)
 {
     double along[2];
     for (int end = 0; end < 2; end++) {
-        const double *v = ends[end], *d = direction != NULL ? direction : v;
-        along[end] = direction != NULL ? sign * (v[0] * d[0] + v[2] * d[2] + v[1] * d[1])
-                                       : sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        const double *v = ends[end];
+        along[end] = d != NULL ? sign * (v[0] * d[0] + v[2] * d[2] + v[1] * d[1]) : norm(v);
     }
     return larger(0.0, larger(along[0], along[1]));
 }
@@ -39,7 +40,7 @@ static void approach_of(const Nearest *nearest, const Ends arm, const Ends perso
     double offset[3];
     for (int k = 0; k < 3; k++)
         offset[k] = nearest->person_point[k] - nearest->robot_point[k];
-    const double length = sqrt(offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2]);
+    const double length = norm(offset);
     for (int k = 0; k < 3; k++)
         out->direction[k] = offset[k] / larger(length, 1e-9);
     const double *direction = length < 1e-6 ? NULL : out->direction;
@@ -67,6 +68,18 @@ FUNCTION(approach)
     }
     release_views(view, VIEWS);
     return fits ? Py_NewRef(Py_None) : NULL;
+}
+
+FUNCTION(fastest)
+{
+    Py_buffer view;
+    if (!expect(count, 1, "fastest(velocities)") || !take_views(given, 1, 1, &view))
+        return NULL;
+    double most = 0.0;
+    for (Py_ssize_t i = 0; i + 3 <= view.len / (Py_ssize_t)sizeof(double); i += 3)
+        most = larger(most, norm((const double *)view.buf + i));
+    release_views(&view, 1);
+    return PyFloat_FromDouble(most);
 }
 
 /* -- protective distance ------------------------------------------------------------------------------------------- */
@@ -153,6 +166,7 @@ FUNCTION(protective)
 
 static PyMethodDef methods[] = {
     METHOD(approach, "(nearest, arm, person, out): write direction and approach speeds of each capsule of a person"),
+    METHOD(fastest, "(velocities): return the largest of the speeds"),
     METHOD(protective,
            "(robot_speed, person_speed, intrusion, person_uncertainty, robot_uncertainty, reaction_time, time, "
            "distance, assumed, out): write speed of the person and terms; return the number of the first argument that "
