@@ -166,13 +166,13 @@ class Judge:
 
         In a contact, the first is infinite, and the second is very large if the arm moves towards the person.
         """
-        person = observation.person
-        assert person is not None
+        person, rows = observation.person, observation.nearest
+        assert person is not None and rows is not None
         ends = person.capsules.ends
         before, self._before = self._before, (observation.time, ends)
         velocities = np.zeros_like(ends) if before is None else (ends - before[1]) / (observation.time - before[0])
         arm = observation.arm.capsules
-        near = nearness(arm, person.capsules, velocities)
+        near = nearness(arm, velocities, rows)
         braking = self._stopping.left(observation.time, observation.time, InForce(), arm.fastest)
         _, terms = self._protective.measured(near, braking)
         separation = stopping = 0.0

@@ -1,7 +1,6 @@
 """State of a simulation at one instant as NumPy arrays: arm, person, contacts and distance, without ROS messages."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,18 +8,17 @@ from hric_control.plant import Articulated, Contact
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray, pose_of_transform
 from hric_core.node import Node
-from hric_dynamics.tree import nearest
 from hric_human.body.segments import ROOT
 from hric_human.control.human_control import hand_side
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
 from hric_msgs.msg import JointTorque, MuscleActivation
-from hric_supervisor.arm import ArmShape, ArmState, PlacedCapsules
+from hric_supervisor.arm import ArmShape, PlacedCapsules
 from hric_supervisor.person import BodyShape, Observation
+from hric_supervisor.separation import nearest_capsules
 
 
-@dataclass(frozen=True)
-class ArmObservation:
+class ArmObservation(NamedTuple):
     """State of the robot at the time of the last measurement.
 
     Attributes:
@@ -39,8 +37,7 @@ class ArmObservation:
     capsules: PlacedCapsules
 
 
-@dataclass(frozen=True)
-class PersonObservation:
+class PersonObservation(NamedTuple):
     """State of the simulated person after the last time step of the plant.
 
     Attributes:
@@ -66,8 +63,7 @@ class PersonObservation:
     capsules: Observation
 
 
-@dataclass(frozen=True)
-class SimulationState:
+class SimulationState(NamedTuple):
     """State of a simulation at one instant.
 
     Attributes:
@@ -75,14 +71,20 @@ class SimulationState:
         arm: state of the robot.
         person: state of the person; None: the experiment has no person.
         contacts: contact points of the last time step.
-        separation: smallest distance of arm and person [m], negative if their capsules overlap; None: no person.
+        nearest: nearest capsule of the arm for each of the person's m, with the distance [m] in column 0, shape (m, 8),
+            see `hric_dynamics.tree.nearest`; None: no person.
     """
 
     time: float
     arm: ArmObservation
     person: PersonObservation | None
     contacts: tuple[Contact, ...]
-    separation: float | None
+    nearest: FloatArray | None
+
+    @property
+    def separation(self) -> float | None:
+        """Smallest distance of arm and person [m], negative if their capsules overlap; None: no person."""
+        return None if self.nearest is None else float(self.nearest[:, 0].min())
 
 
 class Observer:
@@ -141,24 +143,19 @@ class Observer:
 
     def observe(self) -> SimulationState:
         """Return the present state of arm, person, contacts and distance."""
-        hw, state = self._hw, self._state
-        q, dq, tau = (np.array(values) for values in (hw.states.position, hw.states.velocity, hw.states.effort))
+        hw, state, joints = self._hw, self._state, self._hw.states
         arm = ArmObservation(
-            q,
-            dq,
-            tau,
+            np.array(joints.position),
+            np.array(joints.velocity),
+            np.array(joints.effort),
             None if state is None else np.array(state.O_T_EE).reshape(4, 4).T,
             None if state is None else np.array(state.O_F_ext_hat_K),
-            self._shape.at(ArmState(hw.loop.time, q, dq)),
+            self._shape.placed(joints.position, joints.velocity),
         )
         contacts = tuple(hw.plant.contacts())
-        if self.settings is None:
-            return SimulationState(hw.loop.time, arm, None, contacts, None)
-        person = self._person()
-        near, body = arm.capsules, person.capsules
-        rows = np.empty((len(body.radii), 8))
-        nearest(near.ends, near.radii, body.ends, body.radii, rows)
-        return SimulationState(hw.loop.time, arm, person, contacts, float(rows[:, 0].min()))
+        person = None if self.settings is None else self._person()
+        nearest = None if person is None else nearest_capsules(arm.capsules, person.capsules)
+        return SimulationState(hw.loop.time, arm, person, contacts, nearest)
 
     def _person(self) -> PersonObservation:
         plant, count = self._hw.plant, len(self._joints)

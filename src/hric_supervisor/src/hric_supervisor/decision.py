@@ -17,7 +17,15 @@ from hric_human.hand.startle import expected_speed
 from hric_supervisor.arm import ArmShape, ArmState, InForce, PlacedCapsules
 from hric_supervisor.perception import Watch
 from hric_supervisor.person import HAND, Observation, joined, moved
-from hric_supervisor.separation import SCALES, STANDING, CapsuleNearness, Protective, StoppingModel, nearness
+from hric_supervisor.separation import (
+    SCALES,
+    STANDING,
+    CapsuleNearness,
+    Protective,
+    StoppingModel,
+    nearest_capsules,
+    nearness,
+)
 from hric_supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
 
 WORLD = "world"
@@ -216,7 +224,7 @@ class Supervisor:
             known = f"the table of stops goes up to {self._stopping.fastest:g} m/s"
             return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, but {known}")
         self._speed = max(self._speed, fastest)
-        near = nearness(placed, person, velocities)
+        near = nearness(placed, velocities, nearest_capsules(placed, person))
         allowed = self._allowed(arm, placed, person, near, 0.0)
         freer = self._allowed(arm, placed, person, near, self.settings.hysteresis)
         before = self._scale if self.settings.active else 1.0

@@ -46,16 +46,21 @@ class CapsuleNearness(NamedTuple):
     person_speed: FloatArray
 
 
-def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -> CapsuleNearness:
+def nearest_capsules(arm: PlacedCapsules, person: Observation) -> FloatArray:
+    """Return the nearest capsule of the arm for each of the person's m, shape (m, 8), see `hric_dynamics.tree`."""
+    rows = np.empty((len(person.radii), 8))
+    nearest(arm.ends, arm.radii, np.ascontiguousarray(person.ends), person.radii, rows)
+    return rows
+
+
+def nearness(arm: PlacedCapsules, velocities: FloatArray, rows: FloatArray) -> CapsuleNearness:
     """Return distances and approach speeds between arm and person.
 
     Args:
         arm: capsules of the arm in the world.
-        person: capsules of the person in the world.
         velocities: velocities of the axis ends of the person's capsules, shape (m, 2, 3) [m/s].
+        rows: result of `nearest_capsules`, shape (m, 8).
     """
-    rows = np.empty((len(person.radii), 8))
-    nearest(arm.ends, arm.radii, np.ascontiguousarray(person.ends), person.radii, rows)
     towards = np.empty((len(rows), 5))
     approach(rows, arm.velocities, velocities, towards)
     columns = towards[:, :3], towards[:, 3], towards[:, 4]
