@@ -15,7 +15,7 @@ from hric_gym.goals import DrawnGoal, Goal, HandGoal, SetpointGoal
 from hric_gym.guided import TARGETS
 from hric_gym.judge import TRUNK, Costs, Judge
 from hric_gym.picture import Renderer
-from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
+from hric_gym.spaces import Box, Env, Values, arm_fields, as_values, dict_space, person_fields, unit_box
 from hric_gym.tasks import (
     DRAWN,
     DRAWS,
@@ -270,10 +270,11 @@ class CollaborationEnv(Env):
 
     def _values(self, costs: Costs) -> Values:
         observation = self._observation
-        numbers = {"goal": self.goal.at(observation.time), "command": self._mode.command}
+        fields = arm_fields(observation.arm) | person_fields(observation)
+        fields |= {"goal": self.goal.at(observation.time), "command": self._mode.command}
         if observation.person is not None:
-            numbers["force_share"] = np.array([min(costs.shares.get("force", 0.0), LARGEST)])
-        return arm_values(observation) | person_values(observation) | as_values(numbers)
+            fields["force_share"] = [min(costs.shares.get("force", 0.0), LARGEST)]
+        return as_values(fields)
 
     def _info(self, costs: Costs) -> dict[str, Any]:
         distance = self.goal.distance(self._observation)
