@@ -27,6 +27,8 @@ class FrankaFrame(Enum):
     END_EFFECTOR = "end_effector"
     STIFFNESS = "stiffness"
 
+    __hash__ = object.__hash__  # Enum's own is not compiled, and frames are looked up in each cycle
+
 
 @runtime_checkable
 class FrankaModel(Protocol):

@@ -66,13 +66,16 @@ static inline int take(PyObject *sequence, Py_ssize_t n, double *out)
     PyObject *fast = PySequence_Fast(sequence, "a sequence of numbers is needed");
     if (fast == NULL)
         return 0;
-    if (PySequence_Fast_GET_SIZE(fast) != n)
+    int fits = PySequence_Fast_GET_SIZE(fast) == n;
+    if (!fits)
         PyErr_Format(PyExc_ValueError, "%zd numbers are needed, got %zd", n, PySequence_Fast_GET_SIZE(fast));
     PyObject **items = PySequence_Fast_ITEMS(fast);
-    for (Py_ssize_t i = 0; PyErr_Occurred() == NULL && i < n; i++)
-        out[i] = PyFloat_AsDouble(items[i]);
+    for (Py_ssize_t i = 0; fits && i < n; i++) {
+        out[i] = PyFloat_CheckExact(items[i]) ? PyFloat_AS_DOUBLE(items[i]) : PyFloat_AsDouble(items[i]);
+        fits = out[i] != -1.0 || PyErr_Occurred() == NULL;
+    }
     Py_DECREF(fast);
-    return PyErr_Occurred() == NULL;
+    return fits;
 }
 
 /* Copy a buffer of `size` bytes to `out`; return 0 with a Python error set on failure. */

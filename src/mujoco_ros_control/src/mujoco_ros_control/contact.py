@@ -58,7 +58,7 @@ class MujocoPenaltyContact:
 
     def bind(self, scene: CompiledScene) -> None:
         """Use a newly compiled scene."""
-        self._scene, self._speeds = scene, None
+        self._scene, self._data, self._qvel, self._speeds = scene, scene.d, scene.d.qvel, None
         self.any = bool(scene.springs)
         if not self.any:
             self.last = []
@@ -70,13 +70,12 @@ class MujocoPenaltyContact:
 
     def push(self) -> None:
         """Push each overlapping pair of links apart in the coming step, from the present positions and velocities."""
-        d = self._scene.d
-        speeds = d.qvel.copy()
+        speeds = self._qvel.copy()
         before = speeds if self._speeds is None else self._speeds
         self._speeds = speeds
         self.last = []
         self.springs.begin()
-        if not d.ncon:
+        if not self._data.ncon:
             return
         for _, group in groupby(self._near(), key=lambda near: (near.a.link, near.b.link)):
             self._push(list(group), speeds, before)
@@ -170,8 +169,6 @@ def act(scene: CompiledScene, body: int, force: FloatArray, torque: FloatArray, 
 def rigid_contacts(scene: CompiledScene, time_step: float) -> list[Contact]:
     """Return MuJoCo's contacts of the last step that carry a force or overlap."""
     d = scene.d
-    if not d.ncon:
-        return []
     contact, links = d.contact, scene.links
     addresses = contact.efc_address.tolist()
     forces = d.efc_force.tolist()

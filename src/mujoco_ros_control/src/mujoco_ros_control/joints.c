@@ -176,6 +176,24 @@ static PyObject *joints_write(Joints *self, PyObject *efforts)
     Py_RETURN_NONE;
 }
 
+static PyObject *joints_write_within(Joints *self, PyObject *const *given, Py_ssize_t count)
+{
+    double low[self->n > 0 ? self->n : 1], high[self->n > 0 ? self->n : 1];
+    if (!expect(count, 3, "write_within(efforts, low, high)") || !take(given[1], self->n, low)
+        || !take(given[2], self->n, high))
+        return NULL;
+    for (int i = 0; i < self->n; i++) {
+        const double q = self->data->qpos[self->position[i]];
+        if (!(low[i] <= q && q <= high[i]))
+            Py_RETURN_FALSE;
+    }
+    PyObject *done = joints_write(self, given[0]);
+    if (done == NULL)
+        return NULL;
+    Py_DECREF(done);
+    Py_RETURN_TRUE;
+}
+
 /* Efforts on the link side of the rotors: motor efforts less those that accelerated the rotors since `write`. */
 static PyObject *joints_passed(Joints *self, PyObject *motors)
 {
@@ -401,6 +419,8 @@ static PyMethodDef joints_methods[] = {
     {"read", (PyCFunction)joints_read, METH_NOARGS, "() -> q, dq, q at the measuring instant"},
     {"put", (PyCFunction)joints_put, METH_VARARGS, "(q, dq): set the state at the measuring instant"},
     {"write", (PyCFunction)joints_write, METH_O, "(efforts): set the motor efforts of the coming step"},
+    {"write_within", FAST(joints_write_within),
+     "(efforts, low, high) -> True if all positions are within these limits; only then the efforts are set"},
     {"passed", (PyCFunction)joints_passed, METH_O, "(motor efforts) -> efforts on the rotors' link side since `write`"},
     {"loads", (PyCFunction)joints_loads, METH_NOARGS, "() -> (origin, force, torque) in each joint, in the last step"},
     {"accelerate", (PyCFunction)joints_accelerate, METH_NOARGS, "(): compute accelerations, after `prepare`"},

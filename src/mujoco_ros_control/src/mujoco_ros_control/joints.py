@@ -51,6 +51,9 @@ class Joints(Protocol):
     def write(self, efforts: Vector, /) -> None:
         """Set the motor efforts of the coming step [N m or N]."""
 
+    def write_within(self, efforts: Vector, low: Vector, high: Vector, /) -> bool:
+        """Do `write` if all positions are within [low, high]; return whether they are [N m or N, rad or m]."""
+
     def passed(self, efforts: Vector, /) -> list[float]:
         """Return the efforts on the link side of the rotors since `write` [N m or N]; efforts: those of the motors."""
 

@@ -41,5 +41,7 @@ class MujocoModelJoints(DrivenJoints):
 
     def act(self) -> None:
         """Apply the efforts of drives and joint stops in the coming step, from the present positions."""
-        q, dq, _ = self._engine.read()
-        self._engine.write(self._stops.add(q, dq, self._efforts))
+        stops = self._stops
+        if stops.waiting or not self._engine.write_within(self._efforts, stops.low, stops.high):
+            q, dq, _ = self._engine.read()
+            self._engine.write(stops.add(q, dq, self._efforts))

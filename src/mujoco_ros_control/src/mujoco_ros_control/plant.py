@@ -82,7 +82,8 @@ class MujocoPlant(EnginePlant, ReactingPlant):
 
     def contacts(self) -> list[Contact]:
         """Return the contacts of the last step."""
-        return self.world.penalty.last + rigid_contacts(self.world.scene, self.time_step)
+        scene, penalty = self.world.scene, self.world.penalty.last
+        return penalty + rigid_contacts(scene, self.time_step) if scene.d.ncon else penalty
 
     def joint_reactions(self) -> list[JointReaction]:
         """Return force and torque in each moving joint of the robot in the last step; empty before the first step."""

@@ -147,7 +147,8 @@ class MujocoWorld(Models[MujocoModelJoints]):
             joints.act()
         if self.penalty.any:
             self.penalty.push()
-        self.bushings.push()
+        if self.bushings.any:
+            self.bushings.push()
 
     def bind_connected(self) -> None:
         """Find the links of the bushings again, after bushings were added or removed."""

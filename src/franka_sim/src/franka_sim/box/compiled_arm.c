@@ -239,14 +239,25 @@ FUNCTION(inverse_dynamics)
     return list(tau, JOINTS);
 }
 
+/* Replace the elements of a list of seven; return 0 with a Python error set on failure. */
+static int put(const double values[JOINTS], PyObject *target)
+{
+    for (int i = 0; i < JOINTS; i++) {
+        PyObject *value = PyFloat_FromDouble(values[i]);
+        if (value == NULL || PyList_SetItem(target, i, value) < 0)
+            return 0;
+    }
+    return 1;
+}
+
 FUNCTION(external_torque)
 {
     enum { VALUE, DQ, Q_NOW, DQ_NOW, TAU, FRICTION, VECTORS };
     Where where;
     double constants[2], x[VECTORS][JOINTS], ddq[JOINTS], expected[JOINTS], gravity[JOINTS];
     if (!expect(count, 4 + VECTORS,
-                "external_torque(arm, mounting, q, (rate, gain), value, dq, q_now, dq_now, tau, friction)")
-        || !take_where(given[0], given[1], given[2], &where) || !take(given[3], 2, constants))
+                "external_torque(arm, mounting, (rate, gain), q, value, dq, q_now, dq_now, tau, friction)")
+        || !take_where(given[0], given[1], given[3], &where) || !take(given[2], 2, constants))
         return NULL;
     for (int k = 0; k < VECTORS; k++)
         if (!take(given[4 + k], JOINTS, x[k]))
@@ -258,7 +269,7 @@ FUNCTION(external_torque)
         x[VALUE][i] += constants[1] * (x[TAU][i] - expected[i] - x[FRICTION][i] - x[VALUE][i]);
     memcpy(where.q, x[Q_NOW], sizeof where.q);
     efforts(&where, STILL, STILL, gravity);
-    return Py_BuildValue("(NN)", list(x[VALUE], JOINTS), list(gravity, JOINTS));
+    return put(x[VALUE], given[4]) ? list(gravity, JOINTS) : NULL;
 }
 
 /* Bounds of the measured state beyond which reflexes.py checks it in detail. gate: bound of the squared norm of the
@@ -352,7 +363,8 @@ FUNCTION(numbers)
 static PyMethodDef methods[] = {
     METHOD(inverse_dynamics, "(arm, mounting, q, dq, ddq): joint torques"),
     METHOD(external_torque,
-           "(arm, mounting, q, (rate, gain), value, dq, q_now, dq_now, tau, friction): (value, gravity at q_now)"),
+           "(arm, mounting, (rate, gain), q, value, dq, q_now, dq_now, tau, friction) -> gravity at q_now; the list "
+           "value is written in place"),
     METHOD(quiet_speed, "(bounds, q, dq, tau): upper bound of any point's speed [m/s]; -1 if a value is out of bounds"),
     METHOD(fields, "(arm, values): compute the fields in place"),
     METHOD(numbers, "(arm, values, places, bits): compute the fields, return those with these indices as bytes"),

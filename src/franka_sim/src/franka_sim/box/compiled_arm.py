@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim.box.compiled_fields import CompiledFields
@@ -11,7 +12,7 @@ from hric_core.native import load
 
 Vector = Sequence[float]
 _inverse_dynamics: Callable[..., list[float]] = load("hric_arm").inverse_dynamics
-_external_torque: Callable[..., tuple[list[float], list[float]]] = load("hric_arm").external_torque
+_external_torque: Callable[..., list[float]] = load("hric_arm").external_torque
 _STILL = (0.0,) * 7
 
 
@@ -26,10 +27,17 @@ class CompiledArm:
 
     Attributes:
         fields: compiled kinematic fields of the robot state.
+        external_torque: function that updates the filtered estimate of the external joint torque by one cycle, and
+            returns the gravity torque at q_now [N m]; set by `take_model`. Its arguments, 7 floats each but the first:
+            (cycles per second [1/s], coefficient of the low-pass filter per cycle [1]); q at the start of the cycle;
+            the estimate, a list, written in place; dq, q_now, dq_now, tau, friction as in
+            `estimates.ExternalTorque.update`.
 
     Raises:
         DescriptionError, UnknownNameError: the URDF has no such arm.
     """
+
+    external_torque: Callable[..., list[float]]
 
     def __init__(
         self, urdf_xml: str, arm_id: str, min_singular_value: float, accelerometers: Sequence[FloatArray] = ()
@@ -41,6 +49,7 @@ class CompiledArm:
         """Copy payload and mounting of the arm from the model."""
         total = model.total_inertial
         self._mounting = array("d", [*model.gravity_base, *total.inertia.ravel(), total.mass, *total.com])
+        self.external_torque = partial(_external_torque, self._arm, self._mounting)
 
     def inverse_dynamics(self, q: Vector, dq: Vector, ddq: Vector) -> list[float]:
         """Return M(q) ddq + C(q, dq) dq + g(q) [N m], for q, dq, ddq in rad and s. Needs `take_model` before."""
@@ -49,19 +58,3 @@ class CompiledArm:
     def gravity(self, q: Vector) -> list[float]:
         """Return g(q), 7 floats [N m]; q: 7 floats [rad]. Needs `take_model` before."""
         return self.inverse_dynamics(q, _STILL, _STILL)
-
-    def external_torque(
-        self, q: Vector, constants: tuple[float, float], *cycle: Vector
-    ) -> tuple[list[float], list[float]]:
-        """Update the filtered estimate of the external joint torque by one cycle. Needs `take_model` before.
-
-        Args:
-            q: position at the start of the cycle, 7 floats [rad].
-            constants: cycles per second [1/s], and coefficient of the low-pass filter per cycle [1].
-            cycle: previous estimate, dq, q_now, dq_now, tau, friction as in `estimates.ExternalTorque.update`;
-                7 floats each.
-
-        Returns:
-            (new estimate, gravity torque at q_now), 7 floats each [N m].
-        """
-        return _external_torque(self._arm, self._mounting, q, constants, *cycle)

@@ -56,7 +56,4 @@ class ExternalTorque:
         Returns:
             Gravity torque at q_now, 7 floats [N m]: a by-product, which the box compensates next.
         """
-        self.value[:], gravity = self._arm.external_torque(
-            q, self._constants, self.value, dq, q_now, dq_now, tau, friction or _NONE
-        )
-        return gravity
+        return self._arm.external_torque(self._constants, q, self.value, dq, q_now, dq_now, tau, friction or _NONE)

@@ -240,8 +240,10 @@ class Models(ABC, Generic[JointsT]):
 
     def joints_of(self, model: str) -> DrivenJoints:
         """Return the joints of a model. Raises UnknownNameError if there is no such model."""
+        if (joints := self.joints.get(model)) is not None:
+            return joints
         self._check_model(model)
-        return self.joints.get(model) or DrivenJoints(model, (), self._config)
+        return DrivenJoints(model, (), self._config)
 
     def _check_model(self, name: str) -> None:
         if name not in self.models:

@@ -99,7 +99,7 @@ class MovingJoints:
 
     def command(self, values: Sequence[float] | FloatArray) -> list[float]:
         """Return commands of all moving joints as a new list, from those of the actuated ones; the others are zero."""
-        floats: list[float] = values.tolist() if isinstance(values, np.ndarray) else list(values)
+        floats: list[float] = values[:] if type(values) is list else np.asarray(values).tolist()
         return floats if len(floats) == self._straight_length else self.spread(floats, self.zeros)
 
     def pick(self, values: Sequence[T]) -> list[T]:

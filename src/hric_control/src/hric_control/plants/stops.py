@@ -74,11 +74,19 @@ class StopLaw:
         limits: (lower, upper) per joint [rad or m]; vectors of this class have the same order.
         inertias: function that returns the effective inertia 1 / (M^-1)_ii of each joint, with the mass matrix M of the
             whole model [kg m^2 or kg], 0 for a joint that cannot move; called while a stop acts.
+
+    Attributes:
+        low, high: limits of the joints; within them no stop acts.
     """
 
     def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:
         self._memory, self._inertias = StopMemory(limits), inertias
-        self._low, self._high = [low for low, _ in limits], [high for _, high in limits]
+        self.low, self.high = [low for low, _ in limits], [high for _, high in limits]
+
+    @property
+    def waiting(self) -> bool:
+        """True if stops are disabled until their joints are inside their ranges."""
+        return bool(self._memory.waiting)
 
     def restart(self, q: Sequence[float]) -> None:
         """Determine which stops are disabled, after the model was set to the joint positions q [rad or m]."""
@@ -89,7 +97,7 @@ class StopLaw:
         if self._memory.waiting:
             self._memory.check(q)
         efforts = list(tau)
-        if vectors.within(q, self._low, self._high):
+        if vectors.within(q, self.low, self.high):
             return efforts
         if pushes := self._pushes(q, dq):
             inertias = self._inertias()

@@ -58,6 +58,8 @@ class Wrenches:
 
     def count_step(self) -> None:
         """Count a step of the plant, and remove the wrenches whose time is over."""
+        if not self.active:
+            return
         for wrench in self.active:
             wrench.steps_left -= 1
         self.active = [wrench for wrench in self.active if wrench.steps_left != 0]

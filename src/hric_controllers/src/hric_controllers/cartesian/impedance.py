@@ -111,7 +111,7 @@ class CartesianImpedanceController(Controller):
         requested = Compliance(**values)
         if requested != self._gains.get():
             self._gains.set(requested)
-        return asdict(requested)
+        return requested._asdict()
 
     def _on_equilibrium(self, message: Any) -> None:
         """Check an equilibrium pose and pass it to the loop.

@@ -17,7 +17,6 @@ which the joints cannot move the end effector.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +28,11 @@ from hric_core.native import load, vectors
 FloatArray = npt.NDArray[np.float64]
 
 _compiled = load("hric_cartesian_law")
+_NEAR = [1e-9] * 6
+"""Differences up to which a pose has reached its target [m], [rad]."""
 
 
-@dataclass(frozen=True)
-class Compliance:
+class Compliance(NamedTuple):
     """Stiffnesses and damping ratios, adjustable while the controller runs.
 
     Attributes:
@@ -51,16 +51,12 @@ class Compliance:
     def towards(self, goal: "Compliance", share: float) -> "Compliance":
         """Return the gains at the fraction `share` (0 to 1) between these and `goal`."""
         return Compliance(
-            _between(self.translational_stiffness, goal.translational_stiffness, share),
-            _between(self.rotational_stiffness, goal.rotational_stiffness, share),
-            _between(self.translational_damping_ratio, goal.translational_damping_ratio, share),
-            _between(self.rotational_damping_ratio, goal.rotational_damping_ratio, share),
-            _between(self.nullspace_stiffness, goal.nullspace_stiffness, share),
+            *[b if share >= 1.0 or abs(b - a) < 1e-6 else a + share * (b - a) for a, b in zip(self, goal, strict=True)]
         )
 
     def softened(self, stiffness: float) -> "Compliance":
         """Return these gains with a translational stiffness of at most `stiffness` [N/m]."""
-        return replace(self, translational_stiffness=min(self.translational_stiffness, stiffness))
+        return self._replace(translational_stiffness=min(self.translational_stiffness, stiffness))
 
     def stiffness(self) -> list[float]:
         """Return the diagonal of the stiffness matrix K, 6 floats [N/m], [N m/rad]."""
@@ -68,12 +64,9 @@ class Compliance:
 
     def damping(self) -> list[float]:
         """Return the diagonal of the damping matrix D, 6 floats [N s/m], [N m s/rad]."""
-        ratios = [self.translational_damping_ratio] * 3 + [self.rotational_damping_ratio] * 3
-        return [2.0 * ratio * math.sqrt(k) for ratio, k in zip(ratios, self.stiffness(), strict=True)]
-
-
-def _between(start: float, goal: float, share: float) -> float:
-    return goal if share >= 1.0 or abs(goal - start) < 1e-6 else start + share * (goal - start)
+        translational = 2.0 * self.translational_damping_ratio * math.sqrt(self.translational_stiffness)
+        rotational = 2.0 * self.rotational_damping_ratio * math.sqrt(self.rotational_stiffness)
+        return [translational] * 3 + [rotational] * 3
 
 
 def _spring_energy(stiffness: float, error: float, limit: float) -> float:
@@ -192,7 +185,9 @@ class CartesianLaw:
         if self.pose is not self.target:
             moved = scale * share
             pose = poses.interpolated(self.pose, self.target, moved)
-            self.pose = self.target if moved >= 1.0 or _equal(pose, self.target) else pose
+            self.pose = (
+                self.target if moved >= 1.0 or vectors.smaller(poses.difference(pose, self.target), _NEAR) else pose
+            )
         if self.compliance is not self.target_compliance:
             gains = self.compliance.towards(self.target_compliance, share)
             self.compliance = self.target_compliance if gains == self.target_compliance else gains
@@ -214,13 +209,6 @@ class CartesianLaw:
             *map(np.ascontiguousarray, arm[2:]),
         )
         return tau
-
-
-def _equal(a: poses.Pose, b: poses.Pose) -> bool:
-    """Return True if two poses differ by less than 1e-9 m and rad; usually the first coordinate already differs."""
-    return all(abs(x - y) < 1e-9 for x, y in zip(a.position, b.position, strict=True)) and (
-        max(map(abs, poses.difference(a, b))) < 1e-9
-    )
 
 
 def limited(tau: list[float], last: list[float], step: float) -> list[float]:

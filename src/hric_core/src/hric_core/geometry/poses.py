@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -11,8 +11,10 @@ from hric_core.errors import ParameterError
 from hric_core.geometry import quaternions
 from hric_core.geometry.quaternions import IDENTITY, Quaternion, Vector
 from hric_core.geometry.transforms import FloatArray, homogeneous, quaternion_from_rotation, rotation_from_quaternion
+from hric_core.native import load
 from hric_core.parameters import Settings, numbers
 
+_built = load("hric_quaternions")
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 UP_AXES = ("y", "z")
 """Possible vertical axes of motion capture data: Motive streams y up by default or z up; c3d files have either."""
@@ -27,8 +29,7 @@ class Pose(NamedTuple):
     @classmethod
     def of_column_major(cls, T_a_b: Sequence[float]) -> "Pose":
         """Return the pose of a column-major transform, 16 floats; its largest quaternion component is positive."""
-        r00, r10, r20, _, r01, r11, r21, _, r02, r12, r22, _, x, y, z = T_a_b[:15]
-        return cls((x, y, z), quaternions.from_elements(r00, r01, r02, r10, r11, r12, r20, r21, r22))
+        return cls(*_built.pose_of_column_major(T_a_b))
 
     def transform(self) -> FloatArray:
         """Return the pose as a homogeneous matrix, shape (4, 4)."""
@@ -58,17 +59,14 @@ def inverse(T_a_b: Pose) -> Pose:
     return Pose(quaternions.rotated(back, (-x, -y, -z)), back)
 
 
-def difference(a: Pose, b: Pose) -> list[float]:
-    """Return pose a minus pose b, both in one frame, in its axes: position [m], rotation vector [rad], 6 floats."""
-    p, d = a.position, b.position
-    return [p[0] - d[0], p[1] - d[1], p[2] - d[2], *quaternions.difference(a.orientation, b.orientation)]
+difference: Callable[[Pose, Pose], list[float]] = _built.pose_difference
+"""Function (a, b) that returns pose a minus pose b, both in one frame, in its axes: position [m], rotation vector
+[rad], 6 floats."""
 
 
 def interpolated(start: Pose, goal: Pose, share: float) -> Pose:
     """Return the pose at a fraction `share` (0 to 1) from start to goal: a straight line, and the shorter rotation."""
-    (x, y, z), (a, b, c) = start.position, goal.position
-    position = (x + share * (a - x), y + share * (b - y), z + share * (c - z))
-    return Pose(position, quaternions.interpolated(start.orientation, goal.orientation, share))
+    return Pose(*_built.pose_interpolated(start, goal, share))
 
 
 def minimum_jerk(u: float) -> float:

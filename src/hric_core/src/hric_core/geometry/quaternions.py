@@ -1,24 +1,36 @@
-"""Rotations as unit quaternions (x, y, z, w), and vectors, on plain floats."""
+"""Rotations as unit quaternions (x, y, z, w), and vectors, on plain floats; most of it is compiled from C."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+from hric_core.native import load
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 """Quaternion x, y, z, w."""
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
+_built = load("hric_quaternions")
 
+product: Callable[[Quaternion, Quaternion], Quaternion] = _built.product
+"""Function (a, b) that returns the product a b: the rotation b followed by the rotation a."""
+rotated: Callable[[Quaternion, Vector], Vector] = _built.rotated
+"""Function (q, v) that returns the vector v after the rotation q: v + 2 w (u x v) + 2 u x (u x v), u the vector part of
+q."""
+rotation_vector: Callable[[Quaternion], Vector] = _built.rotation_vector
+"""Function (q) that returns the rotation vector of q: axis times angle of the shorter rotation, at most pi [rad]."""
+from_rotation_vector: Callable[[Sequence[float]], Quaternion] = _built.from_rotation_vector
+"""Function (v) that returns the rotation about the axis v by the angle |v| [rad], as a unit quaternion."""
+difference: Callable[[Quaternion, Quaternion], Vector] = _built.difference
+"""Function (a, b) that returns the rotation vector from b to a, in the axes in which both are expressed [rad]."""
+interpolated: Callable[[Quaternion, Quaternion, float], Quaternion] = _built.interpolated
+"""Function (start, goal, share) that returns the orientation at a fraction `share` (0 to 1) of the shorter rotation
+from start to goal (slerp)."""
+from_elements: Callable[..., Quaternion] = _built.from_elements
+"""Function that returns the unit quaternion of a rotation matrix given row by row, 9 floats; its largest component is
+positive.
 
-def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return the product a b: the rotation b followed by the rotation a."""
-    ax, ay, az, aw = a
-    bx, by, bz, bw = b
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
+It is computed from that component (Shepperd 1978) for accuracy, and normalised if R is not quite orthonormal. The sign
+is not chosen so that w >= 0: w is about zero for a hand that points down, and noise would flip the sign."""
 
 
 def inverse(q: Quaternion) -> Quaternion:
@@ -29,60 +41,6 @@ def inverse(q: Quaternion) -> Quaternion:
 def normalized(q: Sequence[float]) -> Quaternion:
     """Return q divided by its norm. Raises ZeroDivisionError if q is zero."""
     x, y, z, w = q
-    norm = math.sqrt(x * x + y * y + z * z + w * w)
-    return x / norm, y / norm, z / norm, w / norm
-
-
-def rotated(q: Quaternion, v: Vector) -> Vector:
-    """Return the vector v after the rotation q: v + 2 w (u x v) + 2 u x (u x v), u the vector part of q."""
-    x, y, z, w = q
-    a, b, c = v
-    u0, u1, u2 = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return a + w * u0 + y * u2 - z * u1, b + w * u1 + z * u0 - x * u2, c + w * u2 + x * u1 - y * u0
-
-
-def rotation_vector(q: Quaternion) -> Vector:
-    """Return the rotation vector of q: axis times angle of the shorter rotation, at most pi [rad]."""
-    x, y, z, w = canonical(q)
-    sine = math.sqrt(x * x + y * y + z * z)
-    scale = 2.0 if sine < 1e-9 else 2.0 * math.atan2(sine, w) / sine
-    return scale * x, scale * y, scale * z
-
-
-def from_rotation_vector(v: Sequence[float]) -> Quaternion:
-    """Return the rotation about the axis v by the angle |v| [rad], as a unit quaternion."""
-    x, y, z = v
-    angle = math.sqrt(x * x + y * y + z * z)
-    scale = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
-    return scale * x, scale * y, scale * z, math.cos(0.5 * angle)
-
-
-def difference(a: Quaternion, b: Quaternion) -> Vector:
-    """Return the rotation vector from b to a, in the axes in which both are expressed [rad]."""
-    return rotation_vector(product(a, inverse(b)))
-
-
-def interpolated(start: Quaternion, goal: Quaternion, share: float) -> Quaternion:
-    """Return the orientation at a fraction `share` (0 to 1) of the shorter rotation from start to goal (slerp)."""
-    x, y, z = difference(goal, start)
-    return product(from_rotation_vector((share * x, share * y, share * z)), start)
-
-
-def from_elements(*R: float) -> Quaternion:
-    """Return the unit quaternion of a rotation matrix given row by row, 9 floats; its largest component is positive.
-
-    It is computed from that component (Shepperd 1978) for accuracy, and normalised if R is not quite orthonormal. The
-    sign is not chosen so that w >= 0: w is about zero for a hand that points down, and noise would flip the sign.
-    """
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = R
-    diagonal = (1.0 + r00 - r11 - r22, 1.0 - r00 + r11 - r22, 1.0 - r00 - r11 + r22, 1.0 + r00 + r11 + r22)
-    rows = (
-        (diagonal[0], r10 + r01, r02 + r20, r21 - r12),
-        (r10 + r01, diagonal[1], r21 + r12, r02 - r20),
-        (r02 + r20, r21 + r12, diagonal[2], r10 - r01),
-        (r21 - r12, r02 - r20, r10 - r01, diagonal[3]),
-    )
-    x, y, z, w = rows[diagonal.index(max(diagonal))]
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     return x / norm, y / norm, z / norm, w / norm
 
