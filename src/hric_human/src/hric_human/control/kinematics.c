@@ -1,9 +1,8 @@
-/* Position of a hand, and its velocity for unit speed of each joint of the arm; the formulas are in kinematics.py and
- * hric_core/geometry/quaternions.py.
+/* Position of a hand, and its velocity for unit speed of each joint of the arm; the formulas are in kinematics.py.
  *
  * The order of the operations is part of the interface: runs are compared bit by bit. */
 #include "hric_core/python_numbers.h"
-#include <math.h>
+#include "hric_core/quaternions.h"
 
 enum { MOST = 64 }; /* joints */
 
@@ -26,16 +25,6 @@ static void cross(const double *a, const double *b, double *out)
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* Rotate a vector by the quaternion q = (x, y, z, w). */
-static void rotated(const double *q, const double *v, double *out)
-{
-    const double x = q[0], y = q[1], z = q[2], w = q[3], a = v[0], b = v[1], c = v[2];
-    const double u0 = 2.0 * (y * c - z * b), u1 = 2.0 * (z * a - x * c), u2 = 2.0 * (x * b - y * a);
-    out[0] = a + w * u0 + y * u2 - z * u1;
-    out[1] = b + w * u1 + z * u0 - x * u2;
-    out[2] = c + w * u2 + x * u1 - y * u0;
-}
-
 /* Add the vector v of the frame with orientation q to the point p. */
 static void add_rotated(const double *q, const double *v, double *p)
 {
@@ -46,17 +35,13 @@ static void add_rotated(const double *q, const double *v, double *p)
 }
 
 /* Turn the orientation q by an angle about an axis of its frame. */
-static void turn(const double *axis, double q, double *orientation)
+static void turn(const double *axis, double angle, double *orientation)
 {
-    const double x = axis[0] * q, y = axis[1] * q, z = axis[2] * q;
-    const double angle = sqrt(x * x + y * y + z * z);
-    const double scale = angle < 1e-9 ? 0.5 : sin(0.5 * angle) / angle;
-    const double bx = scale * x, by = scale * y, bz = scale * z, bw = cos(0.5 * angle);
-    const double ax = orientation[0], ay = orientation[1], az = orientation[2], aw = orientation[3];
-    orientation[0] = aw * bx + ax * bw + ay * bz - az * by;
-    orientation[1] = aw * by - ax * bz + ay * bw + az * bx;
-    orientation[2] = aw * bz + ax * by - ay * bx + az * bw;
-    orientation[3] = aw * bw - ax * bx - ay * by - az * bz;
+    const double v[3] = {axis[0] * angle, axis[1] * angle, axis[2] * angle};
+    double turned[4], rotation[4];
+    from_rotation_vector(v, rotation);
+    product(orientation, rotation, turned);
+    memcpy(orientation, turned, sizeof turned);
 }
 
 /* Compute the pose of the hand, and the origin and axis of each of n joints at the angles q. */
