@@ -99,7 +99,7 @@ class JointVelocity(ActionMode):
 
     def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Move the setpoint by the commanded velocity times the period."""
-        self.command = np.clip(self.command + JOINT_SPEED * period * action, self._low, self._high)
+        self.command = (self.command + JOINT_SPEED * period * action).clip(self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
 
 
@@ -110,7 +110,8 @@ class JointPosition(JointVelocity):
 
     def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Set the setpoint to the commanded joint positions."""
-        self.command = np.clip(self._low + 0.5 * (action + 1.0) * (self._high - self._low), self._low, self._high)
+        position = self._low + 0.5 * (action + 1.0) * (self._high - self._low)
+        self.command = position.clip(self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
 
 

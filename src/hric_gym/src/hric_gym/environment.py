@@ -1,6 +1,7 @@
 """Gymnasium environment of a collaboration: the unmodified simulation, with a policy in place of the setpoints."""
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -322,6 +323,6 @@ def _checked(action: Any, space: Box) -> FloatArray:
         values = np.asarray(action, np.float64)
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    if values.shape != space.shape or not np.isfinite(values).all():
+    if values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
         raise HricError(f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1")
     return values.clip(-1.0, 1.0)
