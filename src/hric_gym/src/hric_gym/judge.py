@@ -176,9 +176,9 @@ class Judge:
         braking = self._stopping.left(observation.time, observation.time, InForce(), arm.fastest)
         _, terms = self._protective.measured(near, braking)
         separation = stopping = 0.0
-        approach = terms.reaction + terms.stopping
-        for distance, total, part in zip(*(a.tolist() for a in (near.distance, terms.total, approach)), strict=True):
+        columns = near.distance, terms.total, terms.robot
+        for distance, total, robot in zip(*(column.tolist() for column in columns), strict=True):
             divisor = max(distance, TINY)
             separation = max(separation, total / divisor if distance > 0.0 else math.inf)
-            stopping = max(stopping, part / divisor)
+            stopping = max(stopping, robot / divisor)
         return separation, stopping

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -83,26 +84,31 @@ def dict_space(values: Values) -> Dict:
     return Dict({name: Box(-np.inf, np.inf, value.shape, np.float32) for name, value in values.items()})
 
 
-def as_values(numbers: Mapping[str, npt.ArrayLike]) -> Values:
+def as_values(numbers: Mapping[str, Any]) -> Values:
     """Return an observation converted to float32, the element type of Gymnasium's spaces."""
     return {name: np.asarray(value, np.float32) for name, value in numbers.items()}
 
 
-def arm_fields(arm: ArmObservation) -> dict[str, npt.ArrayLike]:
+def arm_fields(arm: ArmObservation) -> dict[str, Any]:
     """Return the fields of an observation that describe the arm."""
     T = arm.T_base_ee
     assert T is not None and arm.wrench_base is not None, "the environment has refused other robots"
-    orientation = quaternion_from_rotation(T[:3, :3])
-    values = {"q": arm.q, "dq": arm.dq, "tau": arm.tau, "ee_position": T[:3, 3], "ee_orientation": orientation}
-    return {**values, "wrench": arm.wrench_base}
+    return {
+        "q": arm.q,
+        "dq": arm.dq,
+        "tau": arm.tau,
+        "ee_position": T[:3, 3],
+        "ee_orientation": quaternion_from_rotation(T[:3, :3]),
+        "wrench": arm.wrench_base,
+    }
 
 
-def person_fields(observation: SimulationState) -> dict[str, npt.ArrayLike]:
+def person_fields(observation: SimulationState) -> dict[str, Any]:
     """Return the fields of an observation that describe the person; empty if there is no person."""
     person = observation.person
     if person is None:
         return {}
-    values: dict[str, npt.ArrayLike] = {
+    values: dict[str, Any] = {
         "person_q": person.q,
         "person_dq": person.dq,
         "person_root": person.T_world_root[:3, 3],

@@ -30,8 +30,8 @@ direction, and the full speeds of the faster ends count.
 fastest: Callable[[FloatArray], float] = _compiled.fastest
 """Function that returns the largest of n speeds [m/s] for velocities, a contiguous float64 array, shape (..., 3)."""
 Values = FloatArray | float
-_NAMES = ("robot_speed", "person_speed", "intrusion", "person_uncertainty", "robot_uncertainty")
-_NAMES += ("stop.reaction_time", "stop.time", "stop.distance")
+_NAMES = ["robot_speed", "person_speed", "intrusion", "person_uncertainty", "robot_uncertainty"]
+_NAMES += ["stop.reaction_time", "stop.time", "stop.distance"]
 _GIVEN = (0.0, 0.0, 0.0)
 """Constants of ISO 13855 with which the given speed of the person counts."""
 
@@ -60,6 +60,11 @@ class Terms(NamedTuple):
         """Protective distance S_p [m]."""
         approach = np.asarray(self.person) + self.reaction + self.stopping
         return np.asarray(approach + self.intrusion + self.person_uncertainty + self.robot_uncertainty)
+
+    @property
+    def robot(self) -> FloatArray:
+        """Approach of the robot until it has stopped, S_r + S_s [m]."""
+        return np.asarray(np.asarray(self.reaction) + self.stopping)
 
 
 class Stop(NamedTuple):
@@ -159,10 +164,11 @@ def _computed(
     """Return v_h and the terms of S_p; assumed: distance `near`, walking and hand speed of ISO 13855."""
     given = robot_speed, person_speed, *margins, stop.reaction_time, stop.time, stop.braked(robot_speed)
     values = [value if isinstance(value, float) else np.asarray(value, np.float64, order="C") for value in given]
-    arrays = [value for value in values if isinstance(value, np.ndarray)]
-    if any(array.shape != arrays[0].shape for array in arrays):
-        values = arrays = [np.asarray(value, order="C") for value in np.broadcast_arrays(*values)]
-    out = np.empty((4, *(arrays[0].shape if arrays else ())))
+    shapes = [value.shape for value in values if isinstance(value, np.ndarray)]
+    if len(set(shapes)) > 1:
+        values = [np.asarray(value, order="C") for value in np.broadcast_arrays(*values)]
+        shapes = [np.shape(values[0])]
+    out = np.empty((4, *(shapes[0] if shapes else ())))
     wrong = _compiled.protective(*values, assumed, out)
     if wrong < len(_NAMES):
         raise HricError(f"{_NAMES[wrong]} is {given[wrong]}; valid: finite numbers of 0 or more")
