@@ -147,7 +147,7 @@ class Judge:
         poor = [finding for finding in findings if finding.outcome != Outcome.WITHIN]
         shares = {FORCE: max((math.inf if item.share is None else item.share for item in findings), default=0.0)}
         shares[SEPARATION], shares[STOPPING] = self._separation(observation)
-        effort = float(np.fmax.reduce(person.strength_share, initial=-math.inf))  # of those that are known
+        effort = max((share for share in person.strength_share.tolist() if not math.isnan(share)), default=math.nan)
         if math.isfinite(effort):
             shares[EFFORT] = effort
         if self._score is not None:

@@ -107,7 +107,9 @@ class Observer:
         self.settings = HumanSettings.beside_robot(node)
         if self.settings is None:
             return
-        body = self._body = self.settings.body()
+        assert isinstance(hw.plant, Articulated), "a person is refused by other plants"
+        self._plant: Articulated = hw.plant
+        body = self.settings.body()
         self._joints = tuple(body.joints)
         root = self.settings.root(body)
         self._body_shape, self._T_world_root = BodyShape(body, root), root.transform()
@@ -158,15 +160,14 @@ class Observer:
         return SimulationState(hw.loop.time, arm, person, contacts, nearest)
 
     def _person(self) -> PersonObservation:
-        plant, count = self._hw.plant, len(self._joints)
-        assert isinstance(plant, Articulated), "a person is refused by other plants"
+        plant, count = self._plant, len(self._joints)
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
         root, moved = self._T_world_root, None
         if len(self._q) > count:  # the person walks; the model's base link stays at the start
-            root, _ = plant.link_state(f"{HUMAN}::{ROOT}")
+            root, _ = self._hw.plant.link_state(f"{HUMAN}::{ROOT}")
             moved = pose_of_transform(root)
-        hand = root @ self._hand.pose(q).transform()
+        hand = self._hand.placed(q, root)
         placed = self._body_shape.placed(self._hw.loop.time, "world", q, moved)
         return PersonObservation(
             self._joints, np.array(q), np.array(dq), root, hand, self._tau, self._share, self._activations, placed

@@ -212,7 +212,8 @@ class Protective:
         if not len(scales):
             return np.zeros(len(distance))
         reaction, time, lead = self._stopping.from_scales(scales, speed)
-        braking = RemainingStop(reaction, np.asarray(time)[:, None], np.asarray(lead)[:, None])
-        _, terms = self._terms(speed * scales[:, None], person, braking)
+        columns = speed * scales[:, None], person, np.asarray(time)[:, None], np.asarray(lead)[:, None]
+        robot, speeds, times, leads = (np.array(values, order="C") for values in np.broadcast_arrays(*columns))
+        _, terms = self._terms(robot, speeds, RemainingStop(reaction, times, leads))
         permitted_scales = [np.interp(d, row, scales, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
         return np.array(permitted_scales)

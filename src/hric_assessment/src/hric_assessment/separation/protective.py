@@ -163,13 +163,8 @@ def _computed(
 ) -> tuple[FloatArray, Terms]:
     """Return v_h and the terms of S_p; assumed: distance `near`, walking and hand speed of ISO 13855."""
     given = robot_speed, person_speed, *margins, stop.reaction_time, stop.time, stop.braked(robot_speed)
-    values = [value if isinstance(value, float) else np.asarray(value, np.float64, order="C") for value in given]
-    shapes = [value.shape for value in values if isinstance(value, np.ndarray)]
-    if len(set(shapes)) > 1:
-        values = [np.asarray(value, order="C") for value in np.broadcast_arrays(*values)]
-        shapes = [np.shape(values[0])]
-    out = np.empty((4, *(shapes[0] if shapes else ())))
-    wrong = _compiled.protective(*values, assumed, out)
+    out = np.empty((4, *next((value.shape for value in given if isinstance(value, np.ndarray)), ())))
+    wrong = _compiled.protective(*given, assumed, out)
     if wrong < len(_NAMES):
         raise HricError(f"{_NAMES[wrong]} is {given[wrong]}; valid: finite numbers of 0 or more")
     human, *terms = out

@@ -88,7 +88,7 @@ enum { ROBOT_SPEED, PERSON_SPEED, INTRUSION, PERSON_Z, ROBOT_Z, REACTION, TIME, 
 enum { NEAR, WALKING, HAND, ASSUMED };
 enum { HUMAN, S_H, S_R, S_S, RESULTS };
 
-/* Argument of the distance: n numbers, or one for all of them. */
+/* Argument of the distance: numbers that are `step` apart; 0: one for all distances. */
 typedef struct {
     const double *values;
     Py_ssize_t step;
@@ -96,19 +96,25 @@ typedef struct {
     Py_buffer view;
 } Argument;
 
-/* Get an argument from a float or an array of n numbers; return 0 with a Python error set on failure. */
+/* Get an argument from a number or an array of n numbers; return 0 with a Python error set on failure. */
 static int take_argument(PyObject *object, Py_ssize_t n, Argument *argument)
 {
     *argument = (Argument){.values = &argument->constant};
-    if (PyFloat_Check(object)) {
-        argument->constant = PyFloat_AS_DOUBLE(object);
-        return 1;
+    if (!PyObject_CheckBuffer(object) || PyFloat_Check(object)) {
+        argument->constant = PyFloat_AsDouble(object);
+        return PyErr_Occurred() == NULL;
     }
-    const Py_ssize_t bytes = n * (Py_ssize_t)sizeof(double);
-    if (!take_views(&object, 1, 1, &argument->view) || !views_fit(&argument->view, 1, &bytes))
+    Py_buffer *view = &argument->view;
+    if (PyObject_GetBuffer(object, view, PyBUF_STRIDES | PyBUF_FORMAT) < 0)
         return 0;
-    argument->values = argument->view.buf;
-    argument->step = 1;
+    const int row = view->ndim == 1;
+    if (strcmp(view->format, "d") != 0 || view->len != n * view->itemsize
+        || !(row || PyBuffer_IsContiguous(view, 'C'))) {
+        PyErr_SetString(PyExc_ValueError, "numbers are needed, or contiguous float64 arrays of one shape");
+        return 0;
+    }
+    argument->values = view->buf;
+    argument->step = row ? view->strides[0] / view->itemsize : 1;
     return 1;
 }
 

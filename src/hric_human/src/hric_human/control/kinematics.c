@@ -101,26 +101,66 @@ FUNCTION(hand)
     return fit ? Py_NewRef(Py_None) : NULL;
 }
 
-FUNCTION(pose)
+/* Compute the pose of the hand of a chain (an object with a buffer) at the joint angles q; return 0 with a Python error
+ * set on failure. */
+static int pose_of(PyObject *chain, PyObject *angles, double pose[7])
 {
     Py_buffer view;
     Py_ssize_t bytes;
-    double q[MOST], pose[7], origins[MOST][3], axes[3 * MOST];
-    if (!expect(count, 2, "pose(chain, q)"))
-        return NULL;
-    const Py_ssize_t n = take_angles(given[1], q, &bytes);
-    if (n < 0 || !take_views(given, 1, 1, &view))
-        return NULL;
+    double q[MOST], origins[MOST][3], axes[3 * MOST];
+    const Py_ssize_t n = take_angles(angles, q, &bytes);
+    if (n < 0 || !take_views(&chain, 1, 1, &view))
+        return 0;
     const int fit = views_fit(&view, 1, &bytes);
     if (fit)
         reach(view.buf, q, n, pose, origins, axes);
     release_views(&view, 1);
-    return fit ? list(pose, 7) : NULL;
+    return fit;
+}
+
+FUNCTION(pose)
+{
+    double pose[7];
+    return expect(count, 2, "pose(chain, q)") && pose_of(given[0], given[1], pose) ? list(pose, 7) : NULL;
+}
+
+/* Compute T_a_c = T_a_b T_b_c; products are added as by NumPy on a processor with fused multiply-add. */
+static void compose(const double a[4][4], const double b[4][4], double product[4][4])
+{
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++) {
+            double sum = 0.0;
+            for (int k = 0; k < 4; k++)
+                sum = fma(a[i][k], b[k][j], sum);
+            product[i][j] = sum;
+        }
+}
+
+FUNCTION(placed)
+{
+    enum { CHAIN, Q, ROOT, HAND, COUNT, SIZE = 16 * sizeof(double) };
+    double pose[7], R[9], T_root_hand[4][4] = {[3][3] = 1.0};
+    Py_buffer views[2];
+    if (!expect(count, COUNT, "placed(chain, q, T_world_root, T_world_hand)") || !pose_of(given[CHAIN], given[Q], pose)
+        || !take_views(given + ROOT, 2, 1, views))
+        return NULL;
+    rotation_matrix(pose + 3, R);
+    for (int i = 0; i < 3; i++) {
+        memcpy(T_root_hand[i], R + 3 * i, 3 * sizeof(double));
+        T_root_hand[i][3] = pose[i];
+    }
+    const Py_ssize_t bytes[2] = {SIZE, SIZE};
+    const int fit = views_fit(views, 2, bytes);
+    if (fit)
+        compose(views[0].buf, T_root_hand, views[1].buf);
+    release_views(views, 2);
+    return fit ? Py_NewRef(Py_None) : NULL;
 }
 
 static PyMethodDef methods[] = {
     METHOD(hand, "(chain, pose, linear, axes, q): fill the arrays for the joint angles q"),
     METHOD(pose, "(chain, q): return position and orientation of the hand for the joint angles q, 7 floats"),
+    METHOD(placed, "(chain, q, T_world_root, T_world_hand): write the transform of the hand for the joint angles q"),
     {0},
 };
 

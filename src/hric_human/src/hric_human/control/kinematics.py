@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from hric_human.body import Body, BodySegment
 from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT
 
-_pose: Callable[[FloatArray, list[float]], list[float]] = load("hric_human_kinematics").pose
+_compiled: Any = load("hric_human_kinematics")
 GRAVITY: Vector = (0.0, 0.0, -9.81)
 """Vector of gravity for an upright body, in axes of its root link [m/s^2]."""
 Torque = Callable[[Sequence[float]], list[float]]
@@ -139,8 +139,14 @@ class HandChain(LinkChain):
 
     def pose(self, q: Sequence[float]) -> Pose:
         """Return the pose of the hand in axes of the root link; q: joint angles of the whole body [rad]."""
-        px, py, pz, x, y, z, w = _pose(self._whole, [q[index] for index in self.joints])
+        px, py, pz, x, y, z, w = _compiled.pose(self._whole, [q[index] for index in self.joints])
         return Pose((px, py, pz), (x, y, z, w))
+
+    def placed(self, q: Sequence[float], T_world_root: FloatArray) -> FloatArray:
+        """Return the pose of the hand in the world, shape (4, 4), for a pose of the root link and angles q [rad]."""
+        T_world_hand = np.empty((4, 4))
+        _compiled.placed(self._whole, [q[index] for index in self.joints], T_world_root, T_world_hand)
+        return T_world_hand
 
     def shoulder(self, q: Sequence[float]) -> Vector:
         """Return the shoulder joint centre in axes of the root link [m]; q: joint angles of the whole body [rad]."""
