@@ -339,7 +339,7 @@ class Supervisor:
         worst = int(np.argmin(by_distance))
         if by_distance[worst] >= 1.0:
             return Permitted(1.0, worst)
-        link, point = placed.links[near.arm[worst]], near.robot_point[worst]
+        link, point = placed.links[int(near.arm[worst])], near.robot_point[worst]
         masses = self._mechanism.robot_masses(arm.q, link, point, near.direction[worst])
         mass = masses.judged(self.settings.robot_mass) if masses.locked > 0.0 else math.inf
         speeds = np.array([self._contact_speed(regions, mass) for regions in person.regions])
@@ -388,7 +388,7 @@ class Supervisor:
         self, scale: float, allowed: Permitted, placed: PlacedCapsules, person: Observation, near: CapsuleNearness
     ) -> str:
         part = allowed.part
-        where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[near.arm[part]]}"
+        where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[int(near.arm[part])]}"
         waits = " and was nearer shortly before" if scale < allowed.scale else ""
         return f"{where}{waits}: {100.0 * scale:.0f} % of the speed"
 
@@ -410,7 +410,7 @@ def _part(
         float(margins[at]),
         float(near.robot_speed[at]),
         float(human[at]),
-        placed.links[near.arm[at]],
+        placed.links[int(near.arm[at])],
         person.links[at],
         ", ".join(person.regions[at]),
         (ax, ay, az),

@@ -30,7 +30,7 @@ class CapsuleNearness(NamedTuple):
 
     Attributes:
         distance: distance from the nearest capsule of the arm, shape (m,) [m].
-        arm: index of the arm's nearest capsule, shape (m,).
+        arm: index of the arm's nearest capsule as a floating-point number, shape (m,).
         robot_point, person_point: nearest points on the capsules' axes, shape (m, 3) [m].
         direction: unit vectors from the arm to the person, shape (m, 3).
         robot_speed: speed of the arm's capsule towards the person, at least 0, shape (m,) [m/s].
@@ -64,7 +64,7 @@ def nearness(arm: PlacedCapsules, velocities: FloatArray, rows: FloatArray) -> C
     towards = np.empty((len(rows), 5))
     approach(rows, arm.velocities, velocities, towards)
     columns = towards[:, :3], towards[:, 3], towards[:, 4]
-    return CapsuleNearness(rows[:, 0], rows[:, 1].astype(int), rows[:, 2:5], rows[:, 5:], *columns)
+    return CapsuleNearness(rows[:, 0], rows[:, 1], rows[:, 2:5], rows[:, 5:], *columns)
 
 
 class RemainingStop(NamedTuple):

@@ -167,8 +167,7 @@ def _computed(
     wrong = _compiled.protective(*given, assumed, out)
     if wrong < len(_NAMES):
         raise HricError(f"{_NAMES[wrong]} is {given[wrong]}; valid: finite numbers of 0 or more")
-    human, *terms = out
-    return human, Terms(*terms, *margins)
+    return out[0], Terms(out[1], out[2], out[3], *margins)
 
 
 def intrusion(resolution: float, table: ValueTable | None = None) -> float:
