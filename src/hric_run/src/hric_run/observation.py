@@ -1,5 +1,7 @@
 """State of a simulation at one instant as NumPy arrays: arm, person, contacts and distance, without ROS messages."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +20,8 @@ from hric_supervisor.person import BodyShape, Observation
 from hric_supervisor.separation import nearest_capsules
 
 
-class ArmObservation(NamedTuple):
+@dataclass(frozen=True)
+class ArmObservation:
     """State of the robot at the time of the last measurement.
 
     Attributes:
@@ -26,7 +29,7 @@ class ArmObservation(NamedTuple):
         T_base_ee: pose of the end effector in the base frame (O_T_EE), shape (4, 4); None: not a Franka arm.
         wrench_base: external force and moment that the control box estimates at the stiffness frame, in the axes of the
             base (O_F_ext_hat_K), shape (6,) [N], [N m]; None: not a Franka arm.
-        capsules: capsules of the links in the world, with their velocities.
+        shape: capsules around the links, for `capsules`.
     """
 
     q: FloatArray
@@ -34,7 +37,12 @@ class ArmObservation(NamedTuple):
     tau: FloatArray
     T_base_ee: FloatArray | None
     wrench_base: FloatArray | None
-    capsules: PlacedCapsules
+    shape: ArmShape
+
+    @cached_property
+    def capsules(self) -> PlacedCapsules:
+        """Capsules of the links in the world, with their velocities; placed when they are first read."""
+        return self.shape.placed(self.q.tolist(), self.dq.tolist())
 
 
 class PersonObservation(NamedTuple):
@@ -152,7 +160,7 @@ class Observer:
             np.array(joints.effort),
             None if state is None else np.array(state.O_T_EE).reshape(4, 4).T,
             None if state is None else np.array(state.O_F_ext_hat_K),
-            self._shape.placed(joints.position, joints.velocity),
+            self._shape,
         )
         contacts = tuple(hw.plant.contacts())
         person = None if self.settings is None else self._person()
