@@ -1,13 +1,12 @@
 """Live parameters, which can change while a program runs: a change is checked and passed to their owner. No ROS."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from hric_core.errors import check_known
 from hric_core.node import LiveParameter, OnChange, ParameterValues
 from hric_core.parameters import Parameter, Settings, declared, flag, number, text, whole
 
-_KINDS: dict[type, Callable[..., Any]] = {bool: flag, int: whole, float: number, str: text}
+_KINDS: dict[type, Callable[..., Parameter]] = {bool: flag, int: whole, float: number, str: text}
 
 
 def live_parameters(settings: Settings) -> list[LiveParameter]:
@@ -66,5 +65,4 @@ class LiveValues:
 def _declaration(live: LiveParameter) -> Parameter:
     """Return the declaration by which values of a live parameter are checked."""
     bounds = {"minimum": live.minimum, "maximum": live.maximum} if live.minimum < live.maximum else {}
-    declaration: Parameter = _KINDS[type(live.default)](**bounds)
-    return declaration
+    return _KINDS[type(live.default)](**bounds)

@@ -271,8 +271,10 @@ class CollaborationEnv(Env):
 
     def _values(self, costs: Costs) -> Values:
         observation = self._observation
-        fields = arm_fields(observation.arm) | person_fields(observation)
-        fields |= {"goal": self.goal.at(observation.time), "command": self._mode.command}
+        fields = {**arm_fields(observation.arm), **person_fields(observation)} | {
+            "goal": self.goal.at(observation.time),
+            "command": self._mode.command,
+        }
         if observation.person is not None:
             fields["force_share"] = [min(costs.shares.get("force", 0.0), LARGEST)]
         return as_values(fields)

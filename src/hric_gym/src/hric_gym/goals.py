@@ -1,6 +1,5 @@
 """Goals of the tasks: the desired position of the end effector, or of the person's hand, over time."""
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -53,7 +52,8 @@ class Goal(ABC):
     def distance(self, observation: SimulationState) -> float:
         """Return the distance of the end effector from the goal [m]."""
         assert observation.arm.T_base_ee is not None
-        return _length(observation.arm.T_base_ee[:3, 3] - self.at(observation.time))
+        offset = observation.arm.T_base_ee[:3, 3] - self.at(observation.time)
+        return float(np.sqrt(offset.dot(offset)))
 
 
 class DrawnGoal(Goal):
@@ -143,9 +143,4 @@ class HandGoal(Goal):
     def distance(self, observation: SimulationState) -> float:
         """Return the distance of the person's hand from the goal [m]."""
         assert observation.person is not None
-        return _length(observation.person.T_world_hand[:3, 3] - self.at(observation.time))
-
-
-def _length(offset: FloatArray) -> float:
-    """Return the length of a vector; `numpy.linalg.norm` takes four times as long."""
-    return math.sqrt(offset.dot(offset))
+        return float(np.linalg.norm(observation.person.T_world_hand[:3, 3] - self.at(observation.time)))

@@ -128,7 +128,6 @@ class Judge:
     def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
         self._watch, joints = ContactWatch(hw, settings), tuple(settings.body().joints)
         self._score = InstantScore(Rula(), joints, "right", "left") if TRUNK in joints else None
-        self._worst_score = Rula().table().warning.value
         supervision = SupervisorSettings()
         self._stopping = StoppingModel(supervision)
         self._protective = Protective(supervision, self._stopping)
@@ -152,7 +151,7 @@ class Judge:
             shares[EFFORT] = effort
         if self._score is not None:
             # Loads and repetitions, which the simulation does not know, count as favourable: a lower bound.
-            shares[POSTURE] = self._score(person.q.tolist()) / self._worst_score
+            shares[POSTURE] = self._score(person.q.tolist()) / Rula().table().warning.value
         over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
         return Costs(
             shares,
@@ -176,8 +175,12 @@ class Judge:
         braking = self._stopping.left(observation.time, observation.time, InForce(), arm.fastest)
         _, terms = self._protective.measured(near, braking)
         separation = stopping = 0.0
-        columns = near.distance, terms.total, terms.robot
-        for distance, total, robot in zip(*(column.tolist() for column in columns), strict=True):
+        for distance, total, robot in zip(
+            near.distance.tolist(),
+            terms.total.tolist(),
+            np.add(terms.reaction, terms.stopping).tolist(),
+            strict=True,
+        ):
             divisor = max(distance, TINY)
             separation = max(separation, total / divisor if distance > 0.0 else math.inf)
             stopping = max(stopping, robot / divisor)

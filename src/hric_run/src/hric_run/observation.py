@@ -15,7 +15,7 @@ from hric_human.control.human_control import hand_side
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
 from hric_msgs.msg import JointTorque, MuscleActivation
-from hric_supervisor.arm import ArmShape, PlacedCapsules
+from hric_supervisor.arm import ArmShape, ArmState, PlacedCapsules
 from hric_supervisor.person import BodyShape, Observation
 from hric_supervisor.separation import nearest_capsules
 
@@ -29,7 +29,7 @@ class ArmObservation:
         T_base_ee: pose of the end effector in the base frame (O_T_EE), shape (4, 4); None: not a Franka arm.
         wrench_base: external force and moment that the control box estimates at the stiffness frame, in the axes of the
             base (O_F_ext_hat_K), shape (6,) [N], [N m]; None: not a Franka arm.
-        shape: capsules around the links, for `capsules`.
+        shape, time: capsules around the links, and robot time [s], for `capsules`.
     """
 
     q: FloatArray
@@ -38,11 +38,12 @@ class ArmObservation:
     T_base_ee: FloatArray | None
     wrench_base: FloatArray | None
     shape: ArmShape
+    time: float
 
     @cached_property
     def capsules(self) -> PlacedCapsules:
         """Capsules of the links in the world, with their velocities; placed when they are first read."""
-        return self.shape.placed(self.q.tolist(), self.dq.tolist())
+        return self.shape.at(ArmState(self.time, self.q, self.dq))
 
 
 class PersonObservation(NamedTuple):
@@ -161,6 +162,7 @@ class Observer:
             None if state is None else np.array(state.O_T_EE).reshape(4, 4).T,
             None if state is None else np.array(state.O_F_ext_hat_K),
             self._shape,
+            hw.loop.time,
         )
         contacts = tuple(hw.plant.contacts())
         person = None if self.settings is None else self._person()

@@ -128,9 +128,5 @@ class ArmShape:
 
     def at(self, state: ArmState) -> PlacedCapsules:
         """Return the capsules in the world, with their velocities, for a state of the arm."""
-        return self.placed(state.q.tolist(), state.dq.tolist())
-
-    def placed(self, q: Sequence[float], dq: Sequence[float]) -> PlacedCapsules:
-        """Return the capsules in the world, with their velocities, for joint positions and velocities."""
-        now, ahead = self._placed(q), self._placed([a + STEP * b for a, b in zip(q, dq, strict=True)])
+        now, ahead = self._placed(state.q.tolist()), self._placed((state.q + STEP * state.dq).tolist())
         return PlacedCapsules(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)

@@ -47,9 +47,7 @@ class InstantScore:
         if not self._method.by_table:
             return max(self._score(q, side) for side in self._sides)
         keys = [(number, _exceeded(q, *rows)) for number, rows in enumerate(self._thresholds)]
-        for key in keys:
-            if key not in self._scores:
-                self._scores[key] = self._score(q, self._sides[key[0]])
+        self._scores |= {key: self._score(q, self._sides[key[0]]) for key in keys if key not in self._scores}
         return max([self._scores[key] for key in keys])
 
     def _score(self, q: Sequence[float], side: str) -> int:

@@ -14,7 +14,7 @@ from hric_core.native import load
 arm_angles: Callable[[FloatArray, FloatArray], None] = load("hric_posture").arm_angles
 """Function that writes angles of n arms, shape (n, 3) [rad], for their joint positions, shape (n, 4) [rad].
 
-The joints are ARM: flexion f, abduction a and rotation r of the shoulder, flexion e of the elbow. The shoulder's
+The joints are: flexion f, abduction a and rotation r of the shoulder, flexion e of the elbow. The shoulder's
 rotation is Rx(f) Rz(a) Ry(r) in axes X right, Y up, Z back of a right arm.
 
 1. Elevation of the upper arm: its angle to an arm that hangs along the trunk; negative: extension. The upper arm points
@@ -197,8 +197,6 @@ MIDDLE = {
 """Posture angles that equal a joint angle of neck or trunk, with the joint's name; trunk angles are to the pelvis."""
 OF_ARM = {"upper_arm_flexion": 2, "upper_arm_abduction": 2, "forearm_inward": 4}
 """Results of `arm_angles`, in order, with the number of joints on which they depend."""
-ARM = "sh_flex", "sh_abd", "sh_rot", "el_flex"
-"""Joints of the arm, in the order of `arm_angles`."""
 LEVEL = 0.5
 """Cosine of the sideways tilt of the pelvis (60 deg) above which trunk angles to the vertical are not defined [1].
 
@@ -242,7 +240,7 @@ def sources(names: Sequence[str], side: str) -> dict[str, tuple[int, ...]]:
     found = {angle: (0, *[index[joint]] * 4) for angle, joint in single.items() if joint in index}
     if knees := [index[name] for name in ("right_knee_flex", "left_knee_flex") if name in index]:
         found["knee_flexion"] = 0, knees[0], knees[-1], 0, 0
-    arm = [index.get(f"{side}_{joint}", -1) for joint in ARM]
+    arm = [index.get(f"{side}_{joint}", -1) for joint in ("sh_flex", "sh_abd", "sh_rot", "el_flex")]
     for number, (angle, needed) in enumerate(OF_ARM.items(), start=1):
         if -1 not in arm[:needed]:
             found[angle] = number, *(max(joint, 0) for joint in arm)

@@ -30,8 +30,10 @@ direction, and the full speeds of the faster ends count.
 fastest: Callable[[FloatArray], float] = _compiled.fastest
 """Function that returns the largest of n speeds [m/s] for velocities, a contiguous float64 array, shape (..., 3)."""
 Values = FloatArray | float
-_NAMES = ["robot_speed", "person_speed", "intrusion", "person_uncertainty", "robot_uncertainty"]
-_NAMES += ["stop.reaction_time", "stop.time", "stop.distance"]
+_NAMES = (
+    *("robot_speed", "person_speed", "intrusion", "person_uncertainty", "robot_uncertainty"),
+    *("stop.reaction_time", "stop.time", "stop.distance"),
+)
 _GIVEN = (0.0, 0.0, 0.0)
 """Constants of ISO 13855 with which the given speed of the person counts."""
 
@@ -58,13 +60,7 @@ class Terms(NamedTuple):
     @property
     def total(self) -> FloatArray:
         """Protective distance S_p [m]."""
-        approach = np.asarray(self.person) + self.reaction + self.stopping
-        return np.asarray(approach + self.intrusion + self.person_uncertainty + self.robot_uncertainty)
-
-    @property
-    def robot(self) -> FloatArray:
-        """Approach of the robot until it has stopped, S_r + S_s [m]."""
-        return np.asarray(np.asarray(self.reaction) + self.stopping)
+        return np.asarray(sum(self[1:], np.asarray(self.person)))
 
 
 class Stop(NamedTuple):

@@ -138,29 +138,24 @@ static void compose(const double a[4][4], const double b[4][4], double product[4
 
 FUNCTION(placed)
 {
-    enum { CHAIN, Q, ROOT, HAND, COUNT, SIZE = 16 * sizeof(double) };
-    double pose[7], R[9], T_root_hand[4][4] = {[3][3] = 1.0};
-    Py_buffer views[2];
-    if (!expect(count, COUNT, "placed(chain, q, T_world_root, T_world_hand)") || !pose_of(given[CHAIN], given[Q], pose)
-        || !take_views(given + ROOT, 2, 1, views))
+    enum { CHAIN, Q, ROOT, COUNT };
+    double pose[7], R[9], T_world_root[4][4], T_root_hand[4][4] = {[3][3] = 1.0}, T_world_hand[4][4];
+    if (!expect(count, COUNT, "placed(chain, q, T_world_root)") || !pose_of(given[CHAIN], given[Q], pose)
+        || !copy_buffer(given[ROOT], sizeof T_world_root, T_world_root, "a transform"))
         return NULL;
     rotation_matrix(pose + 3, R);
     for (int i = 0; i < 3; i++) {
         memcpy(T_root_hand[i], R + 3 * i, 3 * sizeof(double));
         T_root_hand[i][3] = pose[i];
     }
-    const Py_ssize_t bytes[2] = {SIZE, SIZE};
-    const int fit = views_fit(views, 2, bytes);
-    if (fit)
-        compose(views[0].buf, T_root_hand, views[1].buf);
-    release_views(views, 2);
-    return fit ? Py_NewRef(Py_None) : NULL;
+    compose(T_world_root, T_root_hand, T_world_hand);
+    return list(T_world_hand[0], 16);
 }
 
 static PyMethodDef methods[] = {
     METHOD(hand, "(chain, pose, linear, axes, q): fill the arrays for the joint angles q"),
     METHOD(pose, "(chain, q): return position and orientation of the hand for the joint angles q, 7 floats"),
-    METHOD(placed, "(chain, q, T_world_root, T_world_hand): write the transform of the hand for the joint angles q"),
+    METHOD(placed, "(chain, q, T_world_root): return the transform of the hand for the joint angles q, 16 floats"),
     {0},
 };
 

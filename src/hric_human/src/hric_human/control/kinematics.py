@@ -144,9 +144,7 @@ class HandChain(LinkChain):
 
     def placed(self, q: Sequence[float], T_world_root: FloatArray) -> FloatArray:
         """Return the pose of the hand in the world, shape (4, 4), for a pose of the root link and angles q [rad]."""
-        T_world_hand = np.empty((4, 4))
-        _compiled.placed(self._whole, [q[index] for index in self.joints], T_world_root, T_world_hand)
-        return T_world_hand
+        return np.array(_compiled.placed(self._whole, [q[index] for index in self.joints], T_world_root)).reshape(4, 4)
 
     def shoulder(self, q: Sequence[float]) -> Vector:
         """Return the shoulder joint centre in axes of the root link [m]; q: joint angles of the whole body [rad]."""
