@@ -57,6 +57,16 @@ def test_the_distance_is_computed_for_all_instants_at_once() -> None:
     assert total.tolist() == expected
 
 
+def test_arrays_of_any_layout_but_of_one_shape_and_type_are_taken() -> None:
+    both, stop = np.array([[0.0, 1.0], [0.5, 2.0]]), Stop(0.1, 0.3)
+    for speeds in (both, both[:, 1], both[::-1, 0]):
+        total = protective_distance(speeds, 1.6, stop, **MARGINS).total
+        assert total == pytest.approx(1.6 * 0.4 + 0.4 * speeds + sum(MARGINS.values()))
+    for wrong in (both.T, both[:, :1], both.astype(int)):
+        with pytest.raises(ValueError, match="contiguous float64 arrays of one shape"):
+            protective_distance(both, wrong, stop, **MARGINS)
+
+
 def by_the_steps_of_a_manual(time: float, added: float) -> float:
     """S as an operating manual of a light curtain computes it after ISO 13855, in its three steps [m]."""
     near = 2.0 * time + added

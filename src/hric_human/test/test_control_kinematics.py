@@ -81,6 +81,10 @@ def test_pose_and_velocities_of_a_hand_are_those_of_an_independent_library(parts
         pose = chain.pose(q.tolist())
         assert_allclose(pose.position, T.act(p_link_hand), atol=1e-14)
         assert_allclose(abs(np.dot(pose.orientation, pinocchio.Quaternion(T.rotation).coeffs())), 1.0, atol=1e-14)
+        root = pinocchio.SE3.Random()
+        placed, expected = chain.placed(q.tolist(), root.homogeneous), root.homogeneous @ T.homogeneous
+        assert_allclose(placed[:, :3], expected[:, :3], atol=1e-14)
+        assert_allclose(placed[:3, 3], root.act(T.act(p_link_hand)), atol=1e-14)
         columns = [oracle.order[index] for index in chain.joints]
         moved = J[:3] - np.cross(T.rotation @ p_link_hand, J[3:].T).T
         posed = chain.posed(q.tolist())

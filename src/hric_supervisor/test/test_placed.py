@@ -7,6 +7,7 @@ import pytest
 from supervisor_rig import ARM, READY, body
 
 from hric_assessment.separation.capsules import distances, nearest_points, of_body, poses
+from hric_assessment.separation.protective import approach, fastest
 from hric_core.geometry import Pose, from_rotation_vector
 from hric_core.urdf import read
 from hric_dynamics.tree import nearest
@@ -73,7 +74,30 @@ def test_the_first_of_equally_near_capsules_counts_and_one_that_is_not_known_alw
         assert row[1] == expected and math.isnan(row[0]) == bool(len(unknown))
 
 
+def test_the_faster_ends_approach_along_the_line_between_the_axes_and_at_full_speed_where_these_cross():
+    for count in range(1, 12):
+        ends, arm, person = (RANDOM.normal(size=(size, 2, 3)) for size in (count, 5, count))
+        ends[0] = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+        rows = rows_of(np.tile([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]], (5, 1, 1)), np.zeros(5), ends, np.zeros(count))
+        rows[:, 1] = RANDOM.integers(0, 5, count)
+        found, offset = np.empty((count, 5)), rows[:, 5:] - rows[:, 2:5]
+        approach(rows, arm, person, found)
+        length = np.linalg.norm(offset, axis=1)
+        expected = offset[1:] / length[1:, None]
+        assert length[0] == 0.0 and np.abs(found[1:, :3] - expected).max(initial=0.0) < 1e-15
+        arm = arm[rows[:, 1].astype(int)]
+        for speeds, sign, velocities in ((found[:, 3], 1.0, arm), (found[:, 4], -1.0, person)):
+            assert speeds[0] == pytest.approx(np.linalg.norm(velocities[0], axis=1).max(), rel=1e-15)
+            along = sign * np.einsum("mei,mi->me", velocities[1:], expected)
+            assert speeds[1:] == pytest.approx(along.max(axis=1, initial=0.0), abs=1e-14)
+        assert fastest(person) == pytest.approx(np.linalg.norm(person, axis=2).max(), rel=1e-15)
+    with pytest.raises(IndexError, match="the arm has 4 capsules"):
+        approach(np.full((1, 8), 4.0), np.zeros((4, 2, 3)), np.zeros((1, 2, 3)), np.zeros((1, 5)))
+
+
 def test_wrong_sizes_are_refused():
+    with pytest.raises(ValueError, match="do not fit"):
+        approach(np.zeros((2, 8)), np.zeros((1, 2, 3)), np.zeros((1, 2, 3)), np.zeros((1, 5)))
     with pytest.raises(ValueError, match="do not fit"):
         nearest(np.zeros((2, 2, 3)), np.zeros(1), np.zeros((1, 2, 3)), np.zeros(1), np.zeros((1, 8)))
     with pytest.raises(ValueError, match="do not fit"):

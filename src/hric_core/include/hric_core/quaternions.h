@@ -62,6 +62,17 @@ static inline void interpolated(const double start[4], const double goal[4], dou
     product(turn, start, q);
 }
 
+/* Compute the rotation matrix of a unit quaternion, row by row. */
+static inline void rotation_matrix(const double q[4], double R[9])
+{
+    const double x = q[0], y = q[1], z = q[2], w = q[3];
+    const double rows[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
+                            2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+                            2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
+    for (int i = 0; i < 9; i++)
+        R[i] = rows[i];
+}
+
 /* R: row by row. */
 static inline void from_elements(const double R[9], double q[4])
 {

@@ -1,13 +1,12 @@
 """Live parameters, which can change while a program runs: a change is checked and passed to their owner. No ROS."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from hric_core.errors import check_known
 from hric_core.node import LiveParameter, OnChange, ParameterValues
-from hric_core.parameters import Settings, declared, flag, number, text, whole
+from hric_core.parameters import Parameter, Settings, declared, flag, number, text, whole
 
-_KINDS: dict[type, Callable[..., Any]] = {bool: flag, int: whole, float: number, str: text}
+_KINDS: dict[type, Callable[..., Parameter]] = {bool: flag, int: whole, float: number, str: text}
 
 
 def live_parameters(settings: Settings) -> list[LiveParameter]:
@@ -39,7 +38,7 @@ class LiveValues:
         self, namespace: str, parameters: Sequence[LiveParameter], on_change: OnChange, initial: Mapping[str, object]
     ) -> None:
         self._namespace = namespace
-        self._parameters = {parameter.name: parameter for parameter in parameters}
+        self._parameters = {parameter.name: _declaration(parameter) for parameter in parameters}
         self._on_change = on_change
         self.values: ParameterValues = {p.name: p.default for p in parameters}
         self._apply(initial)
@@ -56,14 +55,14 @@ class LiveValues:
 
     def _apply(self, changes: Mapping[str, object]) -> None:
         check_known("live parameter", changes, self._parameters, self._namespace)
-        checked = {name: self._checked(self._parameters[name], value) for name, value in changes.items()}
+        where = self._namespace.rstrip("/")
+        checked = {name: self._parameters[name].checked(value, f"{where}/{name}") for name, value in changes.items()}
         requested = self.values | checked
         in_force = self._on_change(dict(requested))
         self.values = {name: in_force.get(name, requested[name]) for name in self._parameters}
 
-    def _checked(self, parameter: LiveParameter, value: Any) -> Any:
-        bounded = parameter.minimum < parameter.maximum
-        bounds = {"minimum": parameter.minimum, "maximum": parameter.maximum} if bounded else {}
-        return _KINDS[type(parameter.default)](**bounds).checked(
-            value, f"{self._namespace.rstrip('/')}/{parameter.name}"
-        )
+
+def _declaration(live: LiveParameter) -> Parameter:
+    """Return the declaration by which values of a live parameter are checked."""
+    bounds = {"minimum": live.minimum, "maximum": live.maximum} if live.minimum < live.maximum else {}
+    return _KINDS[type(live.default)](**bounds)

@@ -99,7 +99,7 @@ class JointVelocity(ActionMode):
 
     def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Move the setpoint by the commanded velocity times the period."""
-        self.command = np.clip(self.command + JOINT_SPEED * period * action, self._low, self._high)
+        self.command = (self.command + JOINT_SPEED * period * action).clip(self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
 
 
@@ -110,7 +110,8 @@ class JointPosition(JointVelocity):
 
     def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Set the setpoint to the commanded joint positions."""
-        self.command = np.clip(self._low + 0.5 * (action + 1.0) * (self._high - self._low), self._low, self._high)
+        position = self._low + 0.5 * (action + 1.0) * (self._high - self._low)
+        self.command = position.clip(self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
 
 
@@ -149,15 +150,15 @@ class EndEffectorDelta(ActionMode):
         self._pose = Pose.of_column_major(_matrix(observation).T.ravel().tolist())
         self._hold()
 
-    def _hold(self) -> None:
-        self.command = np.array([*self._pose.position, *self._pose.orientation])
+    def _hold(self, *others: float) -> None:
+        self.command = np.array([*self._pose.position, *self._pose.orientation, *others])
 
     def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Move the equilibrium pose by the velocity times the period, at most LEAD [m] ahead of the end effector."""
-        present = _matrix(observation)[:3, 3]
-        position = np.array(self._pose.position) + SPEED * period * action[:3]
-        x, y, z = np.clip(position, present - LEAD, present + LEAD).tolist()
-        rotation = from_rotation_vector((ROTATION * period * action[3:6]).tolist())
+        present, numbers = _matrix(observation)[:3, 3].tolist(), action.tolist()
+        moves = zip(self._pose.position, present, numbers[:3], strict=True)
+        x, y, z = [min(max(p + SPEED * period * v, now - LEAD), now + LEAD) for p, now, v in moves]
+        rotation = from_rotation_vector([ROTATION * period * v for v in numbers[3:6]])
         self._pose = Pose((x, y, z), product(rotation, self._pose.orientation))
         self._hold()
         self._simulation.command(IMPEDANCE, self._pose)
@@ -190,9 +191,8 @@ class ImpedanceTarget(EndEffectorDelta):
         self._stiffness = _stiffness(action)
         self._simulation.node.set_live(IMPEDANCE, self._stiffness)
 
-    def _hold(self) -> None:
-        super()._hold()
-        self.command = np.array([*self.command, *self._stiffness.values()])
+    def _hold(self, *others: float) -> None:
+        super()._hold(*self._stiffness.values(), *others)
 
     def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Set the stiffness, and move the equilibrium pose by the velocity times the period."""

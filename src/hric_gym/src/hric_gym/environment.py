@@ -1,6 +1,7 @@
 """Gymnasium environment of a collaboration: the unmodified simulation, with a policy in place of the setpoints."""
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,7 +16,7 @@ from hric_gym.goals import DrawnGoal, Goal, HandGoal, SetpointGoal
 from hric_gym.guided import TARGETS
 from hric_gym.judge import TRUNK, Costs, Judge
 from hric_gym.picture import Renderer
-from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
+from hric_gym.spaces import Box, Env, Values, arm_fields, as_values, dict_space, person_fields, unit_box
 from hric_gym.tasks import (
     DRAWN,
     DRAWS,
@@ -270,10 +271,13 @@ class CollaborationEnv(Env):
 
     def _values(self, costs: Costs) -> Values:
         observation = self._observation
-        numbers = {"goal": self.goal.at(observation.time), "command": self._mode.command}
+        fields = {**arm_fields(observation.arm), **person_fields(observation)} | {
+            "goal": self.goal.at(observation.time),
+            "command": self._mode.command,
+        }
         if observation.person is not None:
-            numbers["force_share"] = np.array([min(costs.shares.get("force", 0.0), LARGEST)])
-        return arm_values(observation) | person_values(observation) | as_values(numbers)
+            fields["force_share"] = [min(costs.shares.get("force", 0.0), LARGEST)]
+        return as_values(fields)
 
     def _info(self, costs: Costs) -> dict[str, Any]:
         distance = self.goal.distance(self._observation)
@@ -321,6 +325,6 @@ def _checked(action: Any, space: Box) -> FloatArray:
         values = np.asarray(action, np.float64)
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    if values.shape != space.shape or not np.isfinite(values).all():
+    if values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
         raise HricError(f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1")
     return values.clip(-1.0, 1.0)

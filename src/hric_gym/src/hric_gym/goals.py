@@ -52,7 +52,8 @@ class Goal(ABC):
     def distance(self, observation: SimulationState) -> float:
         """Return the distance of the end effector from the goal [m]."""
         assert observation.arm.T_base_ee is not None
-        return float(np.linalg.norm(observation.arm.T_base_ee[:3, 3] - self.at(observation.time)))
+        offset = observation.arm.T_base_ee[:3, 3] - self.at(observation.time)
+        return float(np.sqrt(offset.dot(offset)))
 
 
 class DrawnGoal(Goal):

@@ -127,7 +127,7 @@ class Judge:
 
     def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
         self._watch, joints = ContactWatch(hw, settings), tuple(settings.body().joints)
-        self._scores = [InstantScore(Rula(), joints, side) for side in ("right", "left")] if TRUNK in joints else []
+        self._score = InstantScore(Rula(), joints, "right", "left") if TRUNK in joints else None
         supervision = SupervisorSettings()
         self._stopping = StoppingModel(supervision)
         self._protective = Protective(supervision, self._stopping)
@@ -146,11 +146,12 @@ class Judge:
         poor = [finding for finding in findings if finding.outcome != Outcome.WITHIN]
         shares = {FORCE: max((math.inf if item.share is None else item.share for item in findings), default=0.0)}
         shares[SEPARATION], shares[STOPPING] = self._separation(observation)
-        effort = float(np.fmax.reduce(person.strength_share, initial=-math.inf))  # of those that are known
+        effort = max((share for share in person.strength_share.tolist() if not math.isnan(share)), default=math.nan)
         if math.isfinite(effort):
             shares[EFFORT] = effort
-        if self._scores:
-            shares[POSTURE] = self._posture(person.q.tolist())
+        if self._score is not None:
+            # Loads and repetitions, which the simulation does not know, count as favourable: a lower bound.
+            shares[POSTURE] = self._score(person.q.tolist()) / Rula().table().warning.value
         over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
         return Costs(
             shares,
@@ -164,22 +165,23 @@ class Judge:
 
         In a contact, the first is infinite, and the second is very large if the arm moves towards the person.
         """
-        person = observation.person
-        assert person is not None
+        person, rows = observation.person, observation.nearest
+        assert person is not None and rows is not None
         ends = person.capsules.ends
         before, self._before = self._before, (observation.time, ends)
         velocities = np.zeros_like(ends) if before is None else (ends - before[1]) / (observation.time - before[0])
-        near = nearness(observation.arm.capsules, person.capsules, velocities)
-        speed = float(np.linalg.norm(observation.arm.capsules.velocities, axis=2).max())
-        braking = self._stopping.left(observation.time, observation.time, InForce(), speed)
+        arm = observation.arm.capsules
+        near = nearness(arm, velocities, rows)
+        braking = self._stopping.left(observation.time, observation.time, InForce(), arm.fastest)
         _, terms = self._protective.measured(near, braking)
-        distance = np.maximum(near.distance, TINY)
-        shares = np.where(near.distance > 0.0, terms.total / distance, math.inf)
-        return float(shares.max()), float(((terms.reaction + terms.stopping) / distance).max())
-
-    def _posture(self, q: Sequence[float]) -> float:
-        """Return the RULA score of the worse arm, divided by the highest score that is not "above limits" [1].
-
-        Loads and repetitions, which the simulation does not know, count as favourable: the result is a lower bound.
-        """
-        return max(score(q) for score in self._scores) / Rula().table().warning.value
+        separation = stopping = 0.0
+        for distance, total, robot in zip(
+            near.distance.tolist(),
+            terms.total.tolist(),
+            np.add(terms.reaction, terms.stopping).tolist(),
+            strict=True,
+        ):
+            divisor = max(distance, TINY)
+            separation = max(separation, total / divisor if distance > 0.0 else math.inf)
+            stopping = max(stopping, robot / divisor)
+        return separation, stopping

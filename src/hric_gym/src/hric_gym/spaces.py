@@ -1,13 +1,15 @@
 """Spaces of Gymnasium for actions and observations, and the fields of observations with their units."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hric_core.errors import HricError
-from hric_core.geometry import FloatArray, quaternion_from_rotation
-from hric_run.observation import SimulationState
+from hric_core.geometry import quaternion_from_rotation
+from hric_run.observation import ArmObservation, SimulationState
 
 try:
     from gymnasium import Env, ObservationWrapper, Wrapper, make, register
@@ -24,11 +26,11 @@ __all__ = [
     "ObservationWrapper",
     "Values",
     "Wrapper",
-    "arm_values",
+    "arm_fields",
     "as_values",
     "dict_space",
     "make",
-    "person_values",
+    "person_fields",
     "register",
     "unit_box",
 ]
@@ -82,33 +84,35 @@ def dict_space(values: Values) -> Dict:
     return Dict({name: Box(-np.inf, np.inf, value.shape, np.float32) for name, value in values.items()})
 
 
-def as_values(numbers: dict[str, FloatArray]) -> Values:
+def as_values(numbers: Mapping[str, Any]) -> Values:
     """Return an observation converted to float32, the element type of Gymnasium's spaces."""
     return {name: np.asarray(value, np.float32) for name, value in numbers.items()}
 
 
-def arm_values(observation: SimulationState) -> Values:
+def arm_fields(arm: ArmObservation) -> dict[str, Any]:
     """Return the fields of an observation that describe the arm."""
-    arm = observation.arm
-    assert arm.T_base_ee is not None and arm.wrench_base is not None, "the environment has refused other robots"
-    x, y, z, w = quaternion_from_rotation(arm.T_base_ee[:3, :3])
-    orientation = np.array([x, y, z, w]) * (1.0 if w >= 0.0 else -1.0)
-    return as_values(
-        {"q": arm.q, "dq": arm.dq, "tau": arm.tau, "ee_position": arm.T_base_ee[:3, 3], "ee_orientation": orientation}
-        | {"wrench": arm.wrench_base}
-    )
+    T = arm.T_base_ee
+    assert T is not None and arm.wrench_base is not None, "the environment has refused other robots"
+    return {
+        "q": arm.q,
+        "dq": arm.dq,
+        "tau": arm.tau,
+        "ee_position": T[:3, 3],
+        "ee_orientation": quaternion_from_rotation(T[:3, :3]),
+        "wrench": arm.wrench_base,
+    }
 
 
-def person_values(observation: SimulationState) -> Values:
+def person_fields(observation: SimulationState) -> dict[str, Any]:
     """Return the fields of an observation that describe the person; empty if there is no person."""
     person = observation.person
     if person is None:
         return {}
-    values = {
+    values: dict[str, Any] = {
         "person_q": person.q,
         "person_dq": person.dq,
         "person_root": person.T_world_root[:3, 3],
         "hand_position": person.T_world_hand[:3, 3],
-        "separation": np.array([observation.separation]),
+        "separation": [observation.separation],
     }
-    return as_values(values if person.activations is None else values | {"activation": person.activations})
+    return values if person.activations is None else {**values, "activation": person.activations}

@@ -1,7 +1,8 @@
 """State of a simulation at one instant as NumPy arrays: arm, person, contacts and distance, without ROS messages."""
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,7 +10,6 @@ from hric_control.plant import Articulated, Contact
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray, pose_of_transform
 from hric_core.node import Node
-from hric_dynamics.tree import nearest
 from hric_human.body.segments import ROOT
 from hric_human.control.human_control import hand_side
 from hric_human.control.kinematics import HandChain
@@ -17,6 +17,7 @@ from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
 from hric_msgs.msg import JointTorque, MuscleActivation
 from hric_supervisor.arm import ArmShape, ArmState, PlacedCapsules
 from hric_supervisor.person import BodyShape, Observation
+from hric_supervisor.separation import nearest_capsules
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class ArmObservation:
         T_base_ee: pose of the end effector in the base frame (O_T_EE), shape (4, 4); None: not a Franka arm.
         wrench_base: external force and moment that the control box estimates at the stiffness frame, in the axes of the
             base (O_F_ext_hat_K), shape (6,) [N], [N m]; None: not a Franka arm.
-        capsules: capsules of the links in the world, with their velocities.
+        shape, time: capsules around the links, and robot time [s], for `capsules`.
     """
 
     q: FloatArray
@@ -36,11 +37,16 @@ class ArmObservation:
     tau: FloatArray
     T_base_ee: FloatArray | None
     wrench_base: FloatArray | None
-    capsules: PlacedCapsules
+    shape: ArmShape
+    time: float
+
+    @cached_property
+    def capsules(self) -> PlacedCapsules:
+        """Capsules of the links in the world, with their velocities; placed when they are first read."""
+        return self.shape.at(ArmState(self.time, self.q, self.dq))
 
 
-@dataclass(frozen=True)
-class PersonObservation:
+class PersonObservation(NamedTuple):
     """State of the simulated person after the last time step of the plant.
 
     Attributes:
@@ -66,8 +72,7 @@ class PersonObservation:
     capsules: Observation
 
 
-@dataclass(frozen=True)
-class SimulationState:
+class SimulationState(NamedTuple):
     """State of a simulation at one instant.
 
     Attributes:
@@ -75,14 +80,20 @@ class SimulationState:
         arm: state of the robot.
         person: state of the person; None: the experiment has no person.
         contacts: contact points of the last time step.
-        separation: smallest distance of arm and person [m], negative if their capsules overlap; None: no person.
+        nearest: nearest capsule of the arm for each of the person's m, with the distance [m] in column 0, shape (m, 8),
+            see `hric_dynamics.tree.nearest`; None: no person.
     """
 
     time: float
     arm: ArmObservation
     person: PersonObservation | None
     contacts: tuple[Contact, ...]
-    separation: float | None
+    nearest: FloatArray | None
+
+    @property
+    def separation(self) -> float | None:
+        """Smallest distance of arm and person [m], negative if their capsules overlap; None: no person."""
+        return None if self.nearest is None else float(self.nearest[:, 0].min())
 
 
 class Observer:
@@ -105,7 +116,9 @@ class Observer:
         self.settings = HumanSettings.beside_robot(node)
         if self.settings is None:
             return
-        body = self._body = self.settings.body()
+        assert isinstance(hw.plant, Articulated), "a person is refused by other plants"
+        self._plant: Articulated = hw.plant
+        body = self.settings.body()
         self._joints = tuple(body.joints)
         root = self.settings.root(body)
         self._body_shape, self._T_world_root = BodyShape(body, root), root.transform()
@@ -141,36 +154,31 @@ class Observer:
 
     def observe(self) -> SimulationState:
         """Return the present state of arm, person, contacts and distance."""
-        hw, state = self._hw, self._state
-        q, dq, tau = (np.array(values) for values in (hw.states.position, hw.states.velocity, hw.states.effort))
+        hw, state, joints = self._hw, self._state, self._hw.states
         arm = ArmObservation(
-            q,
-            dq,
-            tau,
+            np.array(joints.position),
+            np.array(joints.velocity),
+            np.array(joints.effort),
             None if state is None else np.array(state.O_T_EE).reshape(4, 4).T,
             None if state is None else np.array(state.O_F_ext_hat_K),
-            self._shape.at(ArmState(hw.loop.time, q, dq)),
+            self._shape,
+            hw.loop.time,
         )
         contacts = tuple(hw.plant.contacts())
-        if self.settings is None:
-            return SimulationState(hw.loop.time, arm, None, contacts, None)
-        person = self._person()
-        near, body = arm.capsules, person.capsules
-        rows = np.empty((len(body.radii), 8))
-        nearest(near.ends, near.radii, body.ends, body.radii, rows)
-        return SimulationState(hw.loop.time, arm, person, contacts, float(rows[:, 0].min()))
+        person = None if self.settings is None else self._person()
+        nearest = None if person is None else nearest_capsules(arm.capsules, person.capsules)
+        return SimulationState(hw.loop.time, arm, person, contacts, nearest)
 
     def _person(self) -> PersonObservation:
-        plant, count = self._hw.plant, len(self._joints)
-        assert isinstance(plant, Articulated), "a person is refused by other plants"
+        plant, count = self._plant, len(self._joints)
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
         root, moved = self._T_world_root, None
         if len(self._q) > count:  # the person walks; the model's base link stays at the start
-            root, _ = plant.link_state(f"{HUMAN}::{ROOT}")
+            root, _ = self._hw.plant.link_state(f"{HUMAN}::{ROOT}")
             moved = pose_of_transform(root)
-        hand = root @ self._hand.pose(q).transform()
-        placed = self._body_shape.seen(self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), moved)
+        hand = self._hand.placed(q, root)
+        placed = self._body_shape.placed(self._hw.loop.time, "world", q, moved)
         return PersonObservation(
             self._joints, np.array(q), np.array(dq), root, hand, self._tau, self._share, self._activations, placed
         )

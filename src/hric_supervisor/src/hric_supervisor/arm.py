@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hric_assessment.separation.capsules import capsules_of, poses, unlogged
+from hric_assessment.separation.protective import fastest
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
@@ -60,6 +61,11 @@ class PlacedCapsules(NamedTuple):
     velocities: FloatArray
     radii: FloatArray
     links: tuple[str, ...]
+
+    @property
+    def fastest(self) -> float:
+        """Speed of the fastest end [m/s]."""
+        return fastest(self.velocities)
 
 
 class ArmShape:

@@ -17,7 +17,15 @@ from hric_human.hand.startle import expected_speed
 from hric_supervisor.arm import ArmShape, ArmState, InForce, PlacedCapsules
 from hric_supervisor.perception import Watch
 from hric_supervisor.person import HAND, Observation, joined, moved
-from hric_supervisor.separation import SCALES, STANDING, CapsuleNearness, Protective, StoppingModel, nearness
+from hric_supervisor.separation import (
+    SCALES,
+    STANDING,
+    CapsuleNearness,
+    Protective,
+    StoppingModel,
+    nearest_capsules,
+    nearness,
+)
 from hric_supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
 
 WORLD = "world"
@@ -211,12 +219,12 @@ class Supervisor:
     ) -> Decision:
         """Decide from valid data; velocities: of the axis ends of the person's capsules, shape (m, 2, 3) [m/s]."""
         placed, stamp = self._arm.at(arm), person.stamp
-        fastest = float(np.linalg.norm(placed.velocities, axis=2).max())
+        fastest = placed.fastest
         if fastest > self._stopping.fastest:
             known = f"the table of stops goes up to {self._stopping.fastest:g} m/s"
             return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, but {known}")
         self._speed = max(self._speed, fastest)
-        near = nearness(placed, person, velocities)
+        near = nearness(placed, velocities, nearest_capsules(placed, person))
         allowed = self._allowed(arm, placed, person, near, 0.0)
         freer = self._allowed(arm, placed, person, near, self.settings.hysteresis)
         before = self._scale if self.settings.active else 1.0
@@ -331,7 +339,7 @@ class Supervisor:
         worst = int(np.argmin(by_distance))
         if by_distance[worst] >= 1.0:
             return Permitted(1.0, worst)
-        link, point = placed.links[near.arm[worst]], near.robot_point[worst]
+        link, point = placed.links[int(near.arm[worst])], near.robot_point[worst]
         masses = self._mechanism.robot_masses(arm.q, link, point, near.direction[worst])
         mass = masses.judged(self.settings.robot_mass) if masses.locked > 0.0 else math.inf
         speeds = np.array([self._contact_speed(regions, mass) for regions in person.regions])
@@ -380,7 +388,7 @@ class Supervisor:
         self, scale: float, allowed: Permitted, placed: PlacedCapsules, person: Observation, near: CapsuleNearness
     ) -> str:
         part = allowed.part
-        where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[near.arm[part]]}"
+        where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[int(near.arm[part])]}"
         waits = " and was nearer shortly before" if scale < allowed.scale else ""
         return f"{where}{waits}: {100.0 * scale:.0f} % of the speed"
 
@@ -402,7 +410,7 @@ def _part(
         float(margins[at]),
         float(near.robot_speed[at]),
         float(human[at]),
-        placed.links[near.arm[at]],
+        placed.links[int(near.arm[at])],
         person.links[at],
         ", ".join(person.regions[at]),
         (ax, ay, az),

@@ -76,7 +76,7 @@ class BodyShape:
     """
 
     def __init__(self, body: Body, root: Pose) -> None:
-        self._root, self._names, capsules = root, tuple(body.joints), of_body(body)
+        self._T_root, self._names, capsules = pose_row(root.transform()), tuple(body.joints), of_body(body)
         self._placed = CapsuleTree(read(body.urdf), self._names, capsules)
         self._radii, self.links = capsules.radii, capsules.links
         known = [body.regions.get(link, ()) for link in self.links]
@@ -100,8 +100,11 @@ class BodyShape:
             raise HricError(
                 f"the angle of {', '.join(missing)} is missing; valid: all joints of the body, {', '.join(self._names)}"
             )
-        T_frame_root = pose_row((self._root if root is None else root).transform())
-        ends = self._placed([angles[name] for name in self._names], T_frame_root)
+        return self.placed(stamp, frame, [angles[name] for name in self._names], root)
+
+    def placed(self, stamp: float, frame: str, q: Sequence[float], root: Pose | None = None) -> Observation:
+        """Return the observation of the person for all joint angles q, in the order of the body [rad]; see `seen`."""
+        ends = self._placed(q, self._T_root if root is None else pose_row(root.transform()))
         return Observation(stamp, frame, ends, self._radii, self.links, self._regions, self._dominant)
 
 

@@ -1,13 +1,12 @@
 """Distance of each body part from the arm, and the speed scale of the arm that this distance permits."""
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
+from hric_assessment.separation.protective import Stop, Terms, approach, at_least
 from hric_assessment.separation.stopping import load
 from hric_assessment.tables import separation_table
 from hric_control.speed_scale import stopping_time
@@ -26,13 +25,12 @@ _SLOWEST = 1e-6
 """Replacement for a speed of zero, which would be a divisor [m/s]."""
 
 
-@dataclass(frozen=True)
-class CapsuleNearness:
+class CapsuleNearness(NamedTuple):
     """Distance and approach speeds of each of the person's m capsules and the nearest capsule of the arm.
 
     Attributes:
         distance: distance from the nearest capsule of the arm, shape (m,) [m].
-        arm: index of the arm's nearest capsule, shape (m,).
+        arm: index of the arm's nearest capsule as a floating-point number, shape (m,).
         robot_point, person_point: nearest points on the capsules' axes, shape (m, 3) [m].
         direction: unit vectors from the arm to the person, shape (m, 3).
         robot_speed: speed of the arm's capsule towards the person, at least 0, shape (m,) [m/s].
@@ -48,39 +46,25 @@ class CapsuleNearness:
     person_speed: FloatArray
 
 
-def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -> CapsuleNearness:
+def nearest_capsules(arm: PlacedCapsules, person: Observation) -> FloatArray:
+    """Return the nearest capsule of the arm for each of the person's m, shape (m, 8), see `hric_dynamics.tree`."""
+    rows = np.empty((len(person.radii), 8))
+    nearest(arm.ends, arm.radii, np.ascontiguousarray(person.ends), person.radii, rows)
+    return rows
+
+
+def nearness(arm: PlacedCapsules, velocities: FloatArray, rows: FloatArray) -> CapsuleNearness:
     """Return distances and approach speeds between arm and person.
 
     Args:
         arm: capsules of the arm in the world.
-        person: capsules of the person in the world.
         velocities: velocities of the axis ends of the person's capsules, shape (m, 2, 3) [m/s].
+        rows: result of `nearest_capsules`, shape (m, 8).
     """
-    rows = np.empty((len(person.radii), 8))
-    nearest(arm.ends, arm.radii, np.ascontiguousarray(person.ends), person.radii, rows)
-    index, robot_point, person_point = rows[:, 1].astype(int), rows[:, 2:5], rows[:, 5:]
-    offset = person_point - robot_point
-    length = np.linalg.norm(offset, axis=1)
-    # If the axes cross, there is no direction from arm to person; the full speeds then count in `_towards`.
-    direction = offset / np.maximum(length, 1e-9)[:, None]
-    crossing = length < 1e-6
-    robot = _towards(arm.velocities[index], direction, crossing)
-    human = _towards(velocities, -direction, crossing)
-    return CapsuleNearness(rows[:, 0], index, robot_point, person_point, direction, robot, human)
-
-
-def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray) -> FloatArray:
-    """Return the speed of the faster end of each capsule along a direction, at least 0, shape (m,) [m/s].
-
-    Args:
-        velocities: velocities of the axis ends of m capsules, shape (m, 2, 3) [m/s].
-        direction: unit vectors, shape (m, 3).
-        crossing: True for capsules without a direction, whose full speed counts, shape (m,).
-    """
-    along = np.einsum("mei,mi->me", velocities, direction).max(axis=1)
-    if crossing.any():
-        along = np.where(crossing, np.linalg.norm(velocities, axis=2).max(axis=1), along)
-    return np.asarray(np.maximum(along, 0.0))
+    towards = np.empty((len(rows), 5))
+    approach(rows, arm.velocities, velocities, towards)
+    columns = towards[:, :3], towards[:, 3], towards[:, 4]
+    return CapsuleNearness(rows[:, 0], rows[:, 1], rows[:, 2:5], rows[:, 5:], *columns)
 
 
 class RemainingStop(NamedTuple):
@@ -210,8 +194,7 @@ class Protective:
         """
         stop = Stop(braking.reaction, braking.time, robot * braking.lead)
         distances = self._settings.intrusion, self._settings.person_uncertainty, self._settings.robot_uncertainty
-        human = np.maximum(person_speed(robot, stop, *distances, self._table), person)
-        return human, protective_distance(robot, human, stop, *distances)
+        return at_least(person, robot, stop, *distances, self._table)
 
     def measured(self, near: CapsuleNearness, braking: RemainingStop) -> tuple[FloatArray, Terms]:
         """Return the person's speed v_h [m/s] and the terms for each capsule at the measured speeds, shape (m,)."""
@@ -229,7 +212,8 @@ class Protective:
         if not len(scales):
             return np.zeros(len(distance))
         reaction, time, lead = self._stopping.from_scales(scales, speed)
-        braking = RemainingStop(reaction, np.asarray(time)[:, None], np.asarray(lead)[:, None])
-        _, terms = self._terms(speed * scales[:, None], person, braking)
+        columns = speed * scales[:, None], person, np.asarray(time)[:, None], np.asarray(lead)[:, None]
+        robot, speeds, times, leads = (np.array(values, order="C") for values in np.broadcast_arrays(*columns))
+        _, terms = self._terms(robot, speeds, RemainingStop(reaction, times, leads))
         permitted_scales = [np.interp(d, row, scales, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
         return np.array(permitted_scales)

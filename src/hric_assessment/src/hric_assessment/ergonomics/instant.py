@@ -1,19 +1,22 @@
 """Posture score of one instant, as a control loop or a learning environment needs it: by looking up the posture."""
 
 import math
-from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hric_assessment.ergonomics.posture import ANGLES, NOTHING_KNOWN, Task, of_joints
-from hric_assessment.ergonomics.scoring import PostureMethod
+from hric_assessment.ergonomics.posture import ANGLES, NOTHING_KNOWN, Task, of_joints, sources
+from hric_assessment.ergonomics.scoring import IntArray, PostureMethod
 from hric_assessment.tables import PostureTable
 from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_core.native import load
+
+_exceeded: Callable[[Sequence[float], IntArray, FloatArray], bytes] = load("hric_posture").exceeded
 
 
 class InstantScore:
-    """Function from the joint positions of a person to the posture score of one arm with the rest of the body.
+    """Function from the joint positions of a person to the posture score of an arm with the rest of the body.
 
     The score of a method that is `by_table` depends only on the thresholds that each angle exceeds. So it is computed
     once for each combination of them, by `PostureMethod.score`, and then looked up.
@@ -21,14 +24,17 @@ class InstantScore:
     Args:
         method: posture method, such as RULA.
         joints: names of the joints of a body of `hric_human.body`.
-        side: side of the arm, "right" or "left".
+        sides: side of the arm, "right" or "left"; several: the score is that of the arm with the highest one.
         task: task of the arm, with one value per field.
+
+    Raises:
+        HricError: a side is neither "right" nor "left".
     """
 
-    def __init__(self, method: PostureMethod, joints: Sequence[str], side: str, task: Task = NOTHING_KNOWN) -> None:
-        self._method, self._joints, self._side, self._task = method, tuple(joints), side, task
-        self._thresholds = list(thresholds(method.table()).items())
-        self._scores: dict[tuple[int, ...], int] = {}
+    def __init__(self, method: PostureMethod, joints: Sequence[str], *sides: str, task: Task = NOTHING_KNOWN) -> None:
+        self._method, self._joints, self._sides, self._task = method, tuple(joints), sides, task
+        self._thresholds = [_by_joints(thresholds(method.table()), joints, side) for side in sides]
+        self._scores: dict[tuple[int, bytes], int] = {}
 
     def __call__(self, q: Sequence[float]) -> int:
         """Return the score at joint positions [rad].
@@ -38,15 +44,22 @@ class InstantScore:
         """
         if not all(map(math.isfinite, q)):
             raise HricError(f"the posture has joint positions that are not finite: {list(q)}; valid: finite numbers")
-        posture = of_joints(self._joints, np.array(q), self._side)
         if not self._method.by_table:
-            return int(self._method.score(posture, self._task).score[0])
-        angles = ((getattr(posture, name), bounds) for name, bounds in self._thresholds)
-        key = tuple([-1 if angle is None else bisect_right(bounds, angle) for angle, bounds in angles])
-        score = self._scores.get(key)
-        if score is None:
-            score = self._scores[key] = int(self._method.score(posture, self._task).score[0])
-        return score
+            return max(self._score(q, side) for side in self._sides)
+        keys = [(number, _exceeded(q, *rows)) for number, rows in enumerate(self._thresholds)]
+        self._scores |= {key: self._score(q, self._sides[key[0]]) for key in keys if key not in self._scores}
+        return max([self._scores[key] for key in keys])
+
+    def _score(self, q: Sequence[float], side: str) -> int:
+        return int(self._method.score(of_joints(self._joints, np.array(q), side), self._task).score[0])
+
+
+def _by_joints(bounds: dict[str, list[float]], joints: Sequence[str], side: str) -> tuple[IntArray, FloatArray]:
+    """Return sources and thresholds of the known angles for posture.c, shapes (n, 5) and (n, m)."""
+    known = {name: source for name, source in sources(joints, side).items() if name in bounds}
+    size = max((len(bounds[name]) for name in known), default=0)
+    rows = [bounds[name] + [math.inf] * (size - len(bounds[name])) for name in known]
+    return np.array(list(known.values()), np.intc).reshape(-1, 5), np.array(rows).reshape(len(known), size)
 
 
 def thresholds(table: PostureTable) -> dict[str, list[float]]:

@@ -1,7 +1,7 @@
 """Input of posture scoring methods: named angles and flags over time, and values assumed for unknown ones."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -9,7 +9,21 @@ import numpy as np
 
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
+from hric_core.native import load
 
+arm_angles: Callable[[FloatArray, FloatArray], None] = load("hric_posture").arm_angles
+"""Function that writes angles of n arms, shape (n, 3) [rad], for their joint positions, shape (n, 4) [rad].
+
+The joints are: flexion f, abduction a and rotation r of the shoulder, flexion e of the elbow. The shoulder's
+rotation is Rx(f) Rz(a) Ry(r) in axes X right, Y up, Z back of a right arm.
+
+1. Elevation of the upper arm: its angle to an arm that hangs along the trunk; negative: extension. The upper arm points
+   along (sin a, -cos a cos f, -cos a sin f), so its elevation is acos(cos a cos f). It counts as extension if the arm
+   is below the shoulder and points farther back than to the side.
+2. Abduction of the upper arm: asin(sin a).
+3. Angle of the forearm to the sagittal plane, + towards the midline. The forearm points along R_thorax_humerus
+   (0, -cos e, -sin e); f rotates about X and does not change the X component.
+"""
 Angle = FloatArray | float | None
 Spread = FloatArray | float
 """Half-width of an uncertainty interval, for all instants or for each, shape (n,) [rad]."""
@@ -181,8 +195,8 @@ MIDDLE = {
     "trunk_twist": "trunk_rot",
 }
 """Posture angles that equal a joint angle of neck or trunk, with the joint's name; trunk angles are to the pelvis."""
-
-
+OF_ARM = {"upper_arm_flexion": 2, "upper_arm_abduction": 2, "forearm_inward": 4}
+"""Results of `arm_angles`, in order, with the number of joints on which they depend."""
 LEVEL = 0.5
 """Cosine of the sideways tilt of the pelvis (60 deg) above which trunk angles to the vertical are not defined [1].
 
@@ -203,40 +217,34 @@ def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
     Raises:
         HricError: the side is neither "right" nor "left".
     """
-    if side not in ("right", "left"):
-        raise HricError(f"the side of the arm is {side!r}; valid: right, left")
-    columns = dict(zip(names, np.asarray(q, np.float64).T, strict=True))
-    angles: dict[str, Any] = {name: columns.get(f"{side}_{joint}") for name, joint in SAME.items()}
-    angles |= {name: columns.get(joint) for name, joint in MIDDLE.items()}
-    knees = [columns[name] for name in ("right_knee_flex", "left_knee_flex") if name in columns]
-    if knees:
-        angles["knee_flexion"] = np.max(knees, axis=0)
-    flexion, abduction, rotation, elbow = (
-        columns.get(f"{side}_{joint}") for joint in ("sh_flex", "sh_abd", "sh_rot", "el_flex")
-    )
-    if flexion is not None and abduction is not None:
-        angles["upper_arm_flexion"] = upper_arm_elevation(flexion, abduction)
-        angles["upper_arm_abduction"] = np.arcsin(np.sin(abduction))
-        if rotation is not None and elbow is not None:
-            angles["forearm_inward"] = forearm_inward(abduction, rotation, elbow)
+    q, origins = np.asarray(q, np.float64), sources(names, side)
+    of_arm = np.empty((*q.shape[:-1], len(OF_ARM)))
+    angles: dict[str, Any] = {}
+    for name, (kind, *joints) in origins.items():
+        if kind == 1:
+            arm_angles(q.take(joints, axis=-1), of_arm)
+        angles[name] = of_arm[..., kind - 1] if kind else np.maximum(q[..., joints[0]], q[..., joints[1]])
     return Posture(**angles)
 
 
-def upper_arm_elevation(flexion: FloatArray, abduction: FloatArray) -> FloatArray:
-    """Return the elevation of an upper arm: its angle to an arm that hangs along the trunk [rad]; negative: extension.
+def sources(names: Sequence[str], side: str) -> dict[str, tuple[int, ...]]:
+    """Return the source of each known angle of a posture, five integers, for posture.c.
 
-    The shoulder's rotation is Rx(sh_flex) Rz(sh_abd) Ry(sh_rot) in axes X right, Y up, Z back of a right arm. The upper
-    arm thus points along (sin a, -cos a cos f, -cos a sin f), and its elevation is acos(cos a cos f). It counts as
-    extension if the arm is below the shoulder and points farther back than to the side.
-
-    Args:
-        flexion: sh_flex f, shape (n,) [rad].
-        abduction: sh_abd a, shape (n,) [rad].
+    They are 0 and the indices of joints, of which the larger one of the first two counts; or the number of the angle
+    in OF_ARM, from 1, and the indices of the joints of the arm. Arguments and exceptions: see `of_joints`.
     """
-    aside, forward = np.abs(np.sin(abduction)), np.cos(abduction) * np.sin(flexion)
-    down = np.cos(abduction) * np.cos(flexion)
-    elevation = np.arctan2(np.hypot(aside, forward), down)
-    return np.asarray(np.where((down > 0.0) & (-forward > aside), -elevation, elevation))
+    if side not in ("right", "left"):
+        raise HricError(f"the side of the arm is {side!r}; valid: right, left")
+    index = {name: number for number, name in enumerate(names)}
+    single = {angle: f"{side}_{joint}" for angle, joint in SAME.items()} | MIDDLE
+    found = {angle: (0, *[index[joint]] * 4) for angle, joint in single.items() if joint in index}
+    if knees := [index[name] for name in ("right_knee_flex", "left_knee_flex") if name in index]:
+        found["knee_flexion"] = 0, knees[0], knees[-1], 0, 0
+    arm = [index.get(f"{side}_{joint}", -1) for joint in ("sh_flex", "sh_abd", "sh_rot", "el_flex")]
+    for number, (angle, needed) in enumerate(OF_ARM.items(), start=1):
+        if -1 not in arm[:needed]:
+            found[angle] = number, *(max(joint, 0) for joint in arm)
+    return found
 
 
 def to_vertical(R_world_root: FloatArray, flexion: FloatArray, bend: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -7,18 +7,35 @@ v_h, v_r: speed of person and robot towards each other; T_r: reaction time, T_s:
 are numbers or arrays of one shape. The constants are in config/tables/separation.yaml.
 """
 
-import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hric_assessment.tables import ValueTable, separation_table
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
+from hric_core.native import load
 
+_compiled: Any = load("hric_separation")
+approach: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], None] = _compiled.approach
+"""Function that writes direction and speeds with which each of a person's m capsules and an arm approach each other.
+
+Arguments: nearest, arm, person, out, contiguous float64 arrays: result of `hric_dynamics.tree.nearest` for the capsules
+of arm and person, shape (m, 8); velocities of the axis ends of the k capsules of the arm and the m of the person,
+shapes (k, 2, 3) and (m, 2, 3) [m/s]; result, shape (m, 5): unit vector from the arm to the person; speeds of the faster
+end of the arm's and of the person's capsule towards each other, at least 0 [m/s]. If the axes cross, there is no such
+direction, and the full speeds of the faster ends count.
+"""
+fastest: Callable[[FloatArray], float] = _compiled.fastest
+"""Function that returns the largest of n speeds [m/s] for velocities, a contiguous float64 array, shape (..., 3)."""
 Values = FloatArray | float
-TINY = 1e-9
-"""Replacement for a stopping time of zero, which would be a divisor [s]."""
+_NAMES = (
+    *("robot_speed", "person_speed", "intrusion", "person_uncertainty", "robot_uncertainty"),
+    *("stop.reaction_time", "stop.time", "stop.distance"),
+)
+_GIVEN = (0.0, 0.0, 0.0)
+"""Constants of ISO 13855 with which the given speed of the person counts."""
 
 
 class Terms(NamedTuple):
@@ -43,7 +60,7 @@ class Terms(NamedTuple):
     @property
     def total(self) -> FloatArray:
         """Protective distance S_p [m]."""
-        return np.asarray(sum(np.asarray(term) for term in self))
+        return np.asarray(sum(self[1:], np.asarray(self.person)))
 
 
 class Stop(NamedTuple):
@@ -91,26 +108,7 @@ def protective_distance(
     Raises:
         HricError: a time, speed or distance is below 0, or not finite.
     """
-    arguments = {"robot_speed": robot_speed, "person_speed": person_speed, "intrusion": intrusion}
-    arguments |= {"person_uncertainty": person_uncertainty, "robot_uncertainty": robot_uncertainty}
-    arguments |= {f"stop.{name}": getattr(stop, name) for name in ("reaction_time", "time", "distance")}
-    for name, value in arguments.items():
-        if value is not None and not _possible(value):
-            raise HricError(f"{name} is {value}; valid: finite numbers of 0 or more")
-    return Terms(
-        np.multiply(person_speed, np.add(stop.reaction_time, stop.time)),
-        np.multiply(robot_speed, stop.reaction_time),
-        stop.braked(robot_speed),
-        intrusion,
-        person_uncertainty,
-        robot_uncertainty,
-    )
-
-
-def _possible(value: Values) -> bool:
-    if isinstance(value, float):  # a call of numpy would take twenty times as long
-        return 0.0 <= value < math.inf
-    return bool(np.all(np.isfinite(value) & (np.asarray(value) >= 0.0)))
+    return _computed(_GIVEN, robot_speed, person_speed, stop, intrusion, person_uncertainty, robot_uncertainty)[1]
 
 
 def person_speed(
@@ -135,11 +133,37 @@ def person_speed(
         robot_uncertainty: uncertainty Z_r of the robot's position [m].
         table: values of the standard; None: config/tables/separation.yaml.
     """
-    table = table or separation_table()
-    still = protective_distance(robot_speed, 0.0, stop, intrusion, person_uncertainty, robot_uncertainty).total
-    time = np.add(stop.reaction_time, stop.time)
-    at_near = (table["near"] - still) / np.maximum(time, TINY)
-    return np.clip(at_near, table["walking_speed"], table["hand_speed"])
+    return at_least(0.0, robot_speed, stop, intrusion, person_uncertainty, robot_uncertainty, table)[0]
+
+
+def at_least(
+    person_speed: Values,
+    robot_speed: Values,
+    stop: Stop,
+    intrusion: float,
+    person_uncertainty: float,
+    robot_uncertainty: float,
+    table: ValueTable | None = None,
+) -> tuple[FloatArray, Terms]:
+    """Return the assumed speed v_h of a person [m/s], at least the measured `person_speed`, and the terms of S_p.
+
+    Other arguments and exceptions: see the functions `person_speed` and `protective_distance`.
+    """
+    values = (table or separation_table()).values
+    assumed = values["near"].value, values["walking_speed"].value, values["hand_speed"].value
+    return _computed(assumed, robot_speed, person_speed, stop, intrusion, person_uncertainty, robot_uncertainty)
+
+
+def _computed(
+    assumed: tuple[float, float, float], robot_speed: Values, person_speed: Values, stop: Stop, *margins: float
+) -> tuple[FloatArray, Terms]:
+    """Return v_h and the terms of S_p; assumed: distance `near`, walking and hand speed of ISO 13855."""
+    given = robot_speed, person_speed, *margins, stop.reaction_time, stop.time, stop.braked(robot_speed)
+    out = np.empty((4, *next((value.shape for value in given if isinstance(value, np.ndarray)), ())))
+    wrong = _compiled.protective(*given, assumed, out)
+    if wrong < len(_NAMES):
+        raise HricError(f"{_NAMES[wrong]} is {given[wrong]}; valid: finite numbers of 0 or more")
+    return out[0], Terms(out[1], out[2], out[3], *margins)
 
 
 def intrusion(resolution: float, table: ValueTable | None = None) -> float:

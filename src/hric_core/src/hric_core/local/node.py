@@ -220,7 +220,8 @@ class LocalNode(Namespaced):
         initial = {p.name: self.param(p.name) for p in parameters if self.has_param(p.name)}
         live = LiveValues(self._namespace, parameters, on_change, initial)
         self._core.live[self._namespace] = live
-        self._store(live)
+        for name, value in live.values.items():
+            self.set_param(name, value)
         return Undoable(lambda: self._core.live.pop(self._namespace))
 
     def set_live(self, namespace: str, changes: Mapping[str, object]) -> dict[str, object]:
@@ -233,13 +234,11 @@ class LocalNode(Namespaced):
         full = self.resolve(namespace)
         check_known("namespace with live parameters", [full], self._core.live)
         live = self._core.live[full]
-        values = live.change(changes)
-        self.child(full)._store(live)
+        before, values = live.values, live.change(changes)
+        for name, value in values.items():
+            if name in changes or value != before[name]:
+                self._core.params.set(f"{full}/{name}", value)
         return values
-
-    def _store(self, live: LiveValues) -> None:
-        for name, value in live.values.items():
-            self.set_param(name, value)
 
     def tap(self, callback: Tap) -> Undoable:
         """Call `callback(topic, message, robot_time)` for every message that this node, its parent or children publish.

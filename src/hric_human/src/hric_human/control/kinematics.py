@@ -3,18 +3,20 @@
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from franka_hw_interface.kdl_chain import KdlChain, tree_gravity
 from hric_core.geometry import IDENTITY, ORIGIN, FloatArray, Pose, Quaternion, Vector
 from hric_core.geometry.quaternions import cross, from_rotation_vector, product, rotated
+from hric_core.native import load
 from hric_core.urdf import Robot, read
 from hric_human.body import Body, BodySegment
 from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT
 
+_compiled: Any = load("hric_human_kinematics")
 GRAVITY: Vector = (0.0, 0.0, -9.81)
 """Vector of gravity for an upright body, in axes of its root link [m/s^2]."""
 Torque = Callable[[Sequence[float]], list[float]]
@@ -123,18 +125,26 @@ class HandChain(LinkChain):
         self.arm = self.joints[-len(ARM) :]
         self.reach = -float(forearm.p_parent_link[2] + hand.p_parent_link[2]) - self.p_link_hand[2]
 
+        self._whole = self._numbers(Posed([], [], IDENTITY, ORIGIN), self._frames)
+
+    def _numbers(self, start: Posed, frames: Sequence[tuple[int, Vector, Vector]]) -> FloatArray:
+        joints = [number for _, offset, axis in frames for number in (*offset, *axis)]
+        return np.array([*start.end, *start.orientation, *self._after, *self.p_link_hand, *joints])
+
     def numbers(self, q: Sequence[float]) -> FloatArray:
         """Return the arm for `kinematics.c`, with all other joints at the angles q of the whole body [rad]."""
         trunk = copy(self)
         trunk._frames, trunk._after = self._frames[: -len(ARM)], ORIGIN
-        start, frames = trunk.posed(q), self._frames[-len(ARM) :]
-        joints = [number for _, offset, axis in frames for number in (*offset, *axis)]
-        return np.array([*start.end, *start.orientation, *self._after, *self.p_link_hand, *joints])
+        return self._numbers(trunk.posed(q), self._frames[-len(ARM) :])
 
     def pose(self, q: Sequence[float]) -> Pose:
         """Return the pose of the hand in axes of the root link; q: joint angles of the whole body [rad]."""
-        posed = self.posed(q)
-        return Pose(posed.point(self.p_link_hand), posed.orientation)
+        px, py, pz, x, y, z, w = _compiled.pose(self._whole, [q[index] for index in self.joints])
+        return Pose((px, py, pz), (x, y, z, w))
+
+    def placed(self, q: Sequence[float], T_world_root: FloatArray) -> FloatArray:
+        """Return the pose of the hand in the world, shape (4, 4), for a pose of the root link and angles q [rad]."""
+        return np.array(_compiled.placed(self._whole, [q[index] for index in self.joints], T_world_root)).reshape(4, 4)
 
     def shoulder(self, q: Sequence[float]) -> Vector:
         """Return the shoulder joint centre in axes of the root link [m]; q: joint angles of the whole body [rad]."""
