@@ -394,6 +394,11 @@ def test_a_grip_is_harmless_only_below_the_limit_of_a_held_contact(
     assert finding.outcome == outcome and reason in finding.reason
 
 
+def test_the_remedy_for_a_bag_is_a_command_for_a_file(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: (standing(bag), bag.contact(half_sine(100.0), 1.0, 1.02))[1], area=None)
+    assert "hric assess FILE --contact-area M2" in finding.remedy  # hric assess case finds no run of this name
+
+
 def test_the_shortest_peak_of_a_grip_counts(tmp_path: Path) -> None:
     def make(bag: Bag) -> None:
         standing(bag)
