@@ -1,9 +1,9 @@
 """Outputs of a run: numbers that a path selects from the metrics of the run.
 
 A path consists of keys of metrics.json, separated by dots; `*` selects all items of a list or a mapping, and `reduce`
-combines them into one number, which is NaN if one of them is null or NaN, that is, not known. Three groups exist only in sweeps: `impact`,
-contacts of the person as the verdict assesses them; `supervision`, decisions of the safety supervisor; and
-`collaboration`, numbers by which the benchmark compares controllers.
+combines them into one number, which is NaN if one of them is null or NaN, that is, not known. Three groups exist only
+in sweeps: `impact`, contacts of the person as the verdict assesses them; `supervision`, decisions of the safety
+supervisor; and `collaboration`, numbers by which the benchmark compares controllers.
 """
 
 import math

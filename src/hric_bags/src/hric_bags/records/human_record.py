@@ -245,7 +245,12 @@ def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> Floa
 
 
 class _Grips:
-    """Collector of the messages of one grip; first: the first of them; period: shortest time between stored ones [s]."""
+    """Collector of the messages of one grip.
+
+    Args:
+        first: first message.
+        period: shortest time between stored messages [s].
+    """
 
     def __init__(self, first: Any, period: float) -> None:
         self._first, self._period, self._stamps, self._rows = first, period, array("d"), array("d")
