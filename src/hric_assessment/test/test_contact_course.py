@@ -1,6 +1,7 @@
 """The force of contacts over time from their messages, and what is not known of it; forces that are sums of steps."""
 
 import math
+import tracemalloc
 from dataclasses import replace
 from typing import Any
 
@@ -393,6 +394,20 @@ def test_a_smooth_peak_of_any_size_length_and_resolution_is_not_flat(peak: float
                 return smooth if not quantum or quantum > 0.02 * peak else quantum * np.round(smooth / quantum)
 
             assert "flat top" not in sampled(force, round(1000.0 * length)), (length, phase)
+
+
+def test_a_peak_time_that_is_rounded_is_no_sample_of_its_own() -> None:
+    """Two samples near a smooth peak; the peak's stated time differs from the message's by rounding."""
+    made = contact(np.array([24.374, 25.973, 26.548, 26.564, 24.693, 22.404]), duration=0.006, step=0.001)
+    series = replace(made.series, reached_time=made.series.reached_time - 2.4e-7)
+    assert only(replace(made, series=series)).doubts == ()
+
+
+def test_a_long_press_needs_memory_in_proportion_to_its_length() -> None:
+    tracemalloc.start()
+    only(contact(np.full(20_000, 100.0), duration=20.0, step=0.001))
+    assert tracemalloc.get_traced_memory()[1] < 100e6
+    tracemalloc.stop()
 
 
 def test_a_top_below_a_newton_is_flat_too() -> None:

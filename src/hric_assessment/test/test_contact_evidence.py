@@ -394,6 +394,44 @@ def test_a_grip_is_harmless_only_below_the_limit_of_a_held_contact(
     assert finding.outcome == outcome and reason in finding.reason
 
 
+def test_the_remedy_for_a_bag_is_a_command_for_a_file(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: (standing(bag), bag.contact(half_sine(100.0), 1.0, 1.02))[1], area=None)
+    assert "hric assess FILE --contact-area M2" in finding.remedy  # hric assess case finds no run of this name
+
+
+def test_the_shortest_peak_of_a_grip_counts(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.silence(0.0, 3.0)
+        for k in range(2000):  # 1 kHz, of which 100 Hz are stored
+            bag.grip(0.5 + 0.001 * k, 300.0 if k == 1005 else 20.0)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "quasi-static force 300.0 of 140.0 N" in finding.reason
+
+
+def test_a_grip_is_harmless_only_while_its_force_is_recorded(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.silence(0.0, 3.0)
+        for k in [*range(50), *range(150, 200)]:
+            bag.grip(0.5 + 0.01 * k, 20.0)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "longest gap 1.01 s" in finding.reason
+
+
+def test_a_grip_of_the_experiment_that_is_not_recorded_is_not_harmless(tmp_path: Path) -> None:
+    bag = Bag()
+    standing(bag)
+    bag.silence(0.0, 3.0)
+    source = opened(str(bag.save(tmp_path / "case.bag")))
+    grips = {"guide": {"held": "panda::panda_hand", "holder": "hand"}}
+    run = {"definition": {"human": {"parts": "right_arm", "grips": grips}}}
+    (finding,) = contact_findings(replace(source, run=run), AssessmentChoices())
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and finding.reason == "the grip is not recorded"
+
+
 def test_an_unknown_region_costs_its_own_contact_only(tmp_path: Path) -> None:
     def make(bag: Bag) -> None:
         standing(bag)

@@ -20,7 +20,7 @@ from synthetic import log_message, signals, write_run
 from hric_bags.health.examine import examine
 from hric_core.command import main
 from hric_core.robot_time.stamps import to_time
-from hric_msgs.msg import MocapData, SampleChunk
+from hric_msgs.msg import MocapData, RegionContacts, SampleChunk
 from hric_run.bag_writer import BagWriter
 
 
@@ -93,6 +93,19 @@ def test_a_gap_of_a_regular_stream_is_reported(tmp_path: Path) -> None:
     assert "1 gap, the longest 0.510 s from 0.990 s on" in findings(
         points(tmp_path / "a.bag", np.delete(stamps, range(100, 150)))
     )
+
+
+def test_contacts_are_sent_less_often_while_nothing_touches(tmp_path: Path) -> None:
+    """Contact messages every 1 ms, and every 50 ms between two contacts, are healthy; 0.5 s without any is a gap."""
+    stamps = np.concatenate([np.arange(500) * 0.001, 0.5 + np.arange(6) * 0.05, 0.8 + np.arange(500) * 0.001])
+    for name, lost, expected in (("whole", 0.0, ""), ("lost", 0.5, "1 gap, the longest 0.5")):
+        with BagWriter(tmp_path / f"{name}.bag") as bag:
+            for stamp in stamps + np.where(stamps > 0.7, lost, 0.0):
+                message = RegionContacts()
+                message.header.stamp = to_time(float(stamp))
+                bag.write("/hric/human/contacts", message, float(stamp))
+        found = findings(tmp_path / f"{name}.bag")
+        assert expected in found if expected else found == ""
 
 
 def test_events_have_no_gaps(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ SOURCE = Path(__file__).parents[3]
 RATIO = 4.0
 """Processor time of `hric --help` over that of an empty program of Python, at most; measured: 1.6."""
 TOY = """
+import os, signal, time
 from hric_core.command import Argument, Command
 from hric_core.errors import FailureError
 
@@ -32,6 +33,15 @@ class Toy(Command):
         if given.fail:
             raise FailureError("broken")
         print(sum(given.numbers), given.command)
+
+class ToyHammer(Command):
+    '''End the command as a scheduler does.'''
+    def run(self, given):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(10.0)
+        finally:
+            print("tidy")
 
 class ToyBox(Command):
     '''Put the toy into its box.'''
@@ -51,7 +61,7 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     )
     classes = "".join(
         f'<class name="{name}" type="toys_module:{kind}" base_class_type="hric_core::Command"/>'
-        for name, kind in (("toy", "Toy"), ("toy box", "ToyBox"))
+        for name, kind in (("toy", "Toy"), ("toy box", "ToyBox"), ("toy hammer", "ToyHammer"))
     )
     (package / "plugins.xml").write_text(f"<library>{classes}</library>")
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path}:{SOURCE}")
@@ -80,6 +90,13 @@ def test_a_command_of_two_words_goes_before_one_of_its_first(toys: Path) -> None
 
 def test_a_node_leaves_remappings_to_ros(toys: Path) -> None:
     assert perform(["toy", "__name:=a", "/tf:=/tf2", "2"]) == 0
+
+
+def test_a_command_that_is_terminated_tidies_up_as_after_ctrl_c(toys: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": f"{toys}:{os.environ.get('PYTHONPATH', '')}"}
+    words = [sys.executable, PROGRAM, "toy", "hammer"]
+    ended = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "tidy\n", "")
 
 
 def test_an_error_is_one_line_with_its_exit_code(toys: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -146,6 +146,35 @@ def test_an_output_of_a_sweep_has_the_finding_of_the_verdict(clamp: SimpleNamesp
     assert number("impact.moving.*.share", clamp.observed, reduce="count") == 0.0  # the arm stood as it began
 
 
+def test_a_contact_without_a_known_force_is_no_run_without_contact() -> None:
+    rigid = judged(kind="rigid").observed
+    assert math.isnan(number("human.contacts.*.peak", rigid, otherwise=0.0))
+    assert math.isnan(number("human.contacts.*.transient.ratio", rigid, otherwise=0.0))
+    assert number("human.contacts.*.peak", rigid, reduce="count") == 0.0
+    assert number("human.contacts.*.duration", rigid, reduce="count") == 1.0
+
+
+@pytest.mark.parametrize(
+    ("path", "about", "expected"),
+    [
+        ("setpoints.*.time", {}, math.nan),
+        ("setpoints.*.time", {"unknown": 2.9}, 2.9),
+        ("setpoints.*.time", {"unknown": 2.9, "reduce": "mean"}, 1.95),
+        ("setpoints.*.time", {"otherwise": 0.0}, math.nan),
+        ("setpoints.*.time", {"reduce": "count"}, 1.0),
+        ("setpoints.-1.time", {"unknown": 2.9}, 2.9),
+        ("setpoints.5.time", {"otherwise": 0.0}, 0.0),
+        ("contacts.-1.peak", {"otherwise": 0.0}, 0.0),
+        ("human.hand.path", {"otherwise": 0.0}, 0.0),
+    ],
+)
+def test_a_null_is_not_known_and_what_a_run_does_not_have_is_otherwise(
+    path: str, about: dict[str, object], expected: float
+) -> None:
+    run = {"setpoints": [{"time": 1.0}, {"time": None}], "contacts": [], "human": None}
+    assert SweepOutput.of({"path": path, **about}, "output").measured(run) == pytest.approx(expected, nan_ok=True)
+
+
 def test_the_benchmark_has_the_finding_of_the_verdict(clamp: SimpleNamespace) -> None:
     score = benchmark.load()[0].collaborations["contact"].findings["contact share"]
     share = score.measured(clamp.observed)

@@ -35,3 +35,11 @@ def test_the_ends_of_all_distributions_can_be_simulated(name: str, end: float) -
     values = plan.space.values(np.full((1, len(plan.space.names)), end))[0]
     begun = task.reference(plan.task(0, values, "code"))
     assert len(begun.state_sha256) == 64
+
+
+@pytest.mark.parametrize("name", ["peak_force", "ur5e_peak_force"])
+def test_a_contact_that_the_end_of_a_run_cuts_off_is_no_exceedance(name: str) -> None:
+    plan = definition.load(name, quick=True)
+    for index, point in enumerate(plan.sampler().ask()):
+        response = task.run(plan.task(index, plan.space.values(np.array([point.u]))[0], "code"))
+        assert 0.0 < (response.outputs["share"] or 0.0) < 1.0, response.outputs

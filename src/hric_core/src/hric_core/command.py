@@ -4,6 +4,7 @@ import argparse
 import os
 import re
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -106,7 +107,8 @@ def main(words: Sequence[str] | None = None) -> int:
     Args:
         words: name of the command and its arguments; None: those of `sys.argv`.
     """
-    words = sys.argv[1:] if words is None else words
+    if words is None:
+        words = _program_words()
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     if {"-h", "--help"}.intersection(words[:1]):
@@ -118,7 +120,13 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def alias(name: str) -> int:
     """Run a command of `hric` with the arguments of this process, and return its exit code."""
-    return main([name, *sys.argv[1:]])
+    return main([name, *_program_words()])
+
+
+def _program_words() -> list[str]:
+    """Let SIGTERM end this process as Ctrl-C does, which removes temporary files; return its arguments."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    return sys.argv[1:]
 
 
 def perform(words: Sequence[str]) -> int:

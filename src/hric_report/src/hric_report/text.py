@@ -26,7 +26,8 @@ def render(run: RunFile, metrics: RunMetrics) -> str:
     if metrics.prismatic:
         parts.append(prismatic(metrics.prismatic))
     parts.append(_stability(metrics.stability))
-    parts += [_setpoint(setpoint, metrics.joints) for setpoint in metrics.setpoints]
+    note = "; maxima of |tau|, rotatum and |dq|: of the whole run" if len(metrics.setpoints) > 1 else ""
+    parts += [_setpoint(setpoint, metrics.joints, note) for setpoint in metrics.setpoints]
     if metrics.human:
         from hric_report import human_text  # imported only for runs with a person: it is slow to import
 
@@ -108,7 +109,7 @@ def setpoint_cells(setpoint: SetpointMetrics) -> tuple[list[tuple[str, str]], li
     return columns, rows
 
 
-def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics]) -> str:
+def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics], note: str) -> str:
     columns, rows = setpoint_cells(setpoint)
     columns += [("|tau| max", "N m"), ("rotatum max", "N m/s"), ("|dq| max", "rad/s"), ("of limit", "")]
     for row in rows:
@@ -125,7 +126,7 @@ def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics]) -> 
         f"setpoint at {setpoint.time:.3f} s through {setpoint.controller}: largest final error "
         f"{setpoint.final_error_max:.2e} rad"
     )
-    return "\n".join([f"{title}; all joints {bands}", "", *lines])
+    return "\n".join([f"{title}; all joints {bands}{note}", "", *lines])
 
 
 def _limits(metrics: RunMetrics) -> str:

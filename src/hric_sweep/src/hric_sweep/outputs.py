@@ -1,9 +1,9 @@
 """Outputs of a run: numbers that a path selects from the metrics of the run.
 
 A path consists of keys of metrics.json, separated by dots; `*` selects all items of a list or a mapping, and `reduce`
-combines them into one number, which is NaN if one of them is NaN. Three groups exist only in sweeps: `impact`,
-contacts of the person as the verdict assesses them; `supervision`, decisions of the safety supervisor; and
-`collaboration`, numbers by which the benchmark compares controllers.
+combines them into one number, which is NaN if one of them is null or NaN, that is, not known. Three groups exist only
+in sweeps: `impact`, contacts of the person as the verdict assesses them; `supervision`, decisions of the safety
+supervisor; and `collaboration`, numbers by which the benchmark compares controllers.
 """
 
 import math
@@ -32,6 +32,8 @@ REDUCE: dict[str, Callable[[Sequence[float]], float]] = {
     "last": lambda numbers: numbers[-1],
 }
 COUNT = "count"
+UNKNOWN = float("nan")
+"""Item of a path that is null in the metrics: an object of its own, unlike any other NaN."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,9 @@ class SweepOutput(FileSettings):
     otherwise: float | None = number(
         None, text="number to use if a run has no value, such as a peak force without a contact; none: NaN"
     )
+    unknown: float | None = number(
+        None, text="number to use for a null, such as the settling time of a joint that never settles; none: NaN"
+    )
     unit: str = text("", text="unit of the number")
     text: str = text("", text="description")
 
@@ -65,44 +70,48 @@ class SweepOutput(FileSettings):
         return self.path.split(".")[0]
 
     def measured(self, values: Mapping[str, object]) -> float:
-        """Return the output's value for a run; NaN: no value and no `otherwise`, or one of several values is NaN.
+        """Return the output's value for a run; NaN: no value and no `otherwise`, or one of several is not known.
 
         Raises:
             HricError: an item at the path is not a number, or the path has an unknown key.
         """
         items = [item for item in walk(values, self.path.split("."), self.path) if item is not None]
         if self.reduce == COUNT:
-            return float(len(items))
+            return float(sum(item is not UNKNOWN for item in items))
         for item in items:
             if not isinstance(item, bool | int | float):
                 raise HricError(f"output {self.path} is {type(item).__name__}, not a number{_keys(item)}")
         if not items:
             return math.nan if self.otherwise is None else self.otherwise
-        numbers = [float(item) for item in items]
+        null = UNKNOWN if self.unknown is None else self.unknown
+        numbers = [float(null if item is UNKNOWN else item) for item in items]
         return math.nan if any(map(math.isnan, numbers)) else float(REDUCE[self.reduce](numbers))
 
 
-def walk(value: Any, path: Sequence[str], full_path: str) -> Iterator[Any]:
-    """Yield the values at a path of nested data; None for a part that the run does not have. Keys may contain dots.
+def walk(value: Any, path: Sequence[str], full_path: str, inside: bool = False) -> Iterator[Any]:
+    """Yield the values at a path of nested data. Keys may contain dots.
+
+    A null is UNKNOWN at the end of the path and inside an item of `*`; otherwise the run does not have this part: None.
 
     Raises:
         HricError: a key of the path is not in its mapping.
     """
     if not path or value is None:
-        yield value
+        yield UNKNOWN if value is None and (inside or not path) else value
         return
     head, rest = path[0], path[1:]
     if head == "*" and isinstance(value, Mapping | list | tuple):
         for item in value.values() if isinstance(value, Mapping) else value:
-            yield from walk(item, rest, full_path)
+            yield from walk(item, rest, full_path, True)
     elif isinstance(value, Mapping):
         for length in range(1, len(path) + 1):
             if (key := ".".join(path[:length])) in value:
-                yield from walk(value[key], path[length:], full_path)
+                yield from walk(value[key], path[length:], full_path, inside)
                 return
         raise HricError(f"output {full_path}: no {'.'.join(path)!r}{_keys(value)}")
     elif isinstance(value, list | tuple) and head.lstrip("-").isdigit():
-        yield from walk(value[int(head)] if int(head) < len(value) else None, rest, full_path)
+        if -len(value) <= int(head) < len(value):
+            yield from walk(value[int(head)], rest, full_path, inside)
     else:
         raise HricError(f"output {full_path}: {head!r} of {type(value).__name__}; valid: an index, or *")
 

@@ -243,6 +243,13 @@ def _off(offset: float, period: float) -> bool:
     return abs(math.remainder(offset, period)) > SAME_INSTANT
 
 
+def _nearest(time: FloatArray, instants: FloatArray) -> FloatArray:
+    """Return the finite instant nearest to each time, shape (n,) [s]; infinite if there is none."""
+    known = np.concatenate([[-np.inf], np.unique(instants[np.isfinite(instants)]), [np.inf]])
+    after = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
+    return np.where(time - known[after - 1] < known[after] - time, known[after - 1], known[after])
+
+
 def _largest(contact: RegionContact) -> float:
     """Return the largest force that the messages of a contact state [N]."""
     reached = contact.series.reached
@@ -293,6 +300,8 @@ def _samples(contact: RegionContact) -> Samples:
     rose = series.reached != np.concatenate([[0.0], series.reached[:-1]])  # True for NaN, too
     at = np.where(np.isfinite(series.reached_time), series.reached_time, series.time)[rose]
     at = np.clip(at, contact.begin, series.time[rose])
+    nearest = _nearest(at, series.time)
+    at = np.where(np.abs(at - nearest) <= 0.5 * SAME_INSTANT, nearest, at)  # the times are rounded
     touch = np.nextafter(episode_table()["touch_force"], np.inf)
     time = np.concatenate([series.time, at, [contact.begin]])
     force = np.concatenate([series.force, series.reached[rose], [touch]])
@@ -348,7 +357,7 @@ def _flat(contact: RegionContact, time: FloatArray, force: FloatArray) -> bool:
 
     The top has at least FLAT samples, or two of which one is a peak stated for a time between messages.
     """
-    between = np.abs(time[:, None] - contact.series.time[None, :]).min(axis=1) > SAME_INSTANT
+    between = np.abs(time - _nearest(time, contact.series.time)) > SAME_INSTANT
     top, steps = float(force.max(initial=0.0)), np.abs(np.diff(force))
     quantum = float(steps[steps > 1e-9].min(initial=np.inf))
     if not (np.abs(force / quantum - np.round(force / quantum)) < 1e-6).all():

@@ -100,6 +100,7 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
     findings, nearest = judged.findings, judged.nearest
     table, first = choices.limits.table, people[0] if people else None
     assumptions = [line for person in people for line in person.assumptions]
+    recording = source.name if source.kind == "run" else "FILE"
     verdict = Verdict(
         RecordingSummary(
             source.name, source.kind, source.run.get("experiment"), signals.begin, signals.end, signals.notes
@@ -107,7 +108,7 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
         TableTitle(table.title, table.edition),
         None if first is None else first.summary(),
         (*dict.fromkeys(assumptions), *silence_assumed(source), *choices.assumptions),
-        ranked([with_remedy(finding, source.name, source.run.get("experiment", "EXPERIMENT")) for finding in findings]),
+        ranked([with_remedy(finding, recording, source.run.get("experiment", "EXPERIMENT")) for finding in findings]),
         (*interaction(source), *productivity(nearest, signals.safety)),
         tuple(missing(source, first)),
         Timelines(judged.scores, None if nearest is None else nearest.timeline()),

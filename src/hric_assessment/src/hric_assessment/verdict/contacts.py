@@ -16,7 +16,7 @@ from hric_assessment.contact.assess import ContactSite, LimitRatio, assess, held
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
 from hric_assessment.contact.episodes import PENALTY, Episode, end_of, episodes, window_of
-from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome
+from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome, finite_rows
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.impacts import ExpectedImpacts
@@ -96,7 +96,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
     for contact in record.region_contacts:
         regions.setdefault(_region_key(contact), []).append(contact)
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
-    findings += [finding for grip in record.grips.values() if (finding := judge.of_grip(grip)) is not None]
+    findings += judge.of_grips()
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
         rest = _rest(source, record, evidence, lost, remedy, choices)
@@ -189,6 +189,7 @@ class _Judge:
         self._body = body_of(source, record)
         self._expected = ExpectedImpacts(source, record, choices)
         self._simulated = bool(source.definition.get("human"))
+        self._window = source.recording.begin, source.recording.end
         self._period = float(source.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
 
     @cached_property
@@ -210,26 +211,47 @@ class _Judge:
             findings += [finding.marked_near_limit() for finding in self._with_force(episode)]
         return findings
 
-    def of_grip(self, grip: GripRecord) -> Finding | None:
-        """Return the finding that a grip's force is unknown or above the limit of a held contact; None: it is below."""
+    def of_grips(self) -> list[Finding]:
+        """Return a finding for each grip whose force is unknown or above the limit of a held contact."""
+        stated, grips = (self._source.definition.get("human") or {}).get("grips") or {}, self._record.grips
+        findings = [self._grip(f"grip {name}", "the grip is not recorded") for name in stated if name not in grips]
+        return findings + [finding for grip in grips.values() if (finding := self._of_grip(grip)) is not None]
+
+    def _of_grip(self, grip: GripRecord) -> Finding | None:
         of_link, links = {} if self._body is None else self._body.regions, (grip.holder, grip.held)
         found = [region.name for body in links for region in of_link.get(body.rpartition("::")[2], ())]
         limit, force = self._choices.limits.at(found or [HAND]), np.linalg.norm(grip.force[grip.closed], axis=1)
-        if limit is None or (largest := held_ratio(float(force.max(initial=0.0)), limit)).ratio <= 1.0:
+        silent = self._simulated or not grip.closed.all()  # the source also sends messages while the grip is open
+        window = self._window if silent else (float(grip.time[0]), float(grip.time[-1]))
+        known = finite_rows(grip.force) | ~grip.closed
+        evidence = Evidence.of(grip.time, known, window, verdict_table()["max_gap"])
+        reason = f"the force of the grip is {evidence.shortfall}" if not evidence.complete else ""
+        if len(force) and limit is None:
+            reason = f"{self._choices.limits.table.title} has no limit for {' or '.join(found)}"
+        elif limit is not None:
+            largest = held_ratio(float(np.append(force, grip.peak).max()), limit)
+            if not largest.ratio <= 1.0:
+                high = math.isfinite(largest.ratio)
+                reason = f"{largest}; {BEYOND}" if high else "the force of the grip is not known"
+        if not reason:
             return None
-        reason = f"{largest}; {BEYOND}" if math.isfinite(largest.ratio) else "the force of the grip is not known"
-        time, name = grip.time[grip.closed], self._record.name
+        closed = grip.time[grip.closed]
+        window = (float(closed[0]), float(closed[-1])) if len(closed) else window
+        return replace(
+            self._grip(f"grip {grip.name} of {grip.held} by {grip.holder}", reason), window=window, regions=tuple(found)
+        )
+
+    def _grip(self, subject: str, reason: str) -> Finding:
         return Finding(
-            f"grip {grip.name} of {grip.held} by {grip.holder}",
+            subject,
             Outcome.NOT_ASSESSABLE,
             reason,
             self._choices.limits.table.name,
-            window=(float(time[0]), float(time[-1])),
-            signals=(f"{name}/grip",),
-            regions=tuple(found),
+            window=self._window,
+            signals=(f"{self._record.name}/grip",),
             group=CONTACT,
-            person=name,
-            remedy=GRIP_REMEDY,
+            person=self._record.name,
+            remedy=GRIP_REMEDY if BEYOND in reason else f"record every message of {self._record.name}/grip",
         )
 
     def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:

@@ -96,17 +96,18 @@ def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[Un
     record, table = None if person is None else person.record, verdict_table()
     columns = next(_of_person(source.recording.shares, person), None)
     if record is not None and len(record.torque_time):
-        names, shares = record.joints, np.abs(record.share)
+        names, shares, time = record.joints, np.abs(record.share), record.torque_time
     elif columns is not None:
-        names, shares = columns.names, np.abs(columns.values)
+        names, shares, time = columns.names, np.abs(columns.values), columns.time
     else:
         return []
     figures, factor = [], table["weak_shoulder"]
+    sampled = f", at {(len(time) - 1) / span:.0f} Hz" if (span := float(np.ptp(time))) > 0.0 else ""
     for name, share in zip(names, shares.T, strict=True):
         if not np.isfinite(share).any():
             continue
         largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
-        note = f"mean {mean:.3g}; {MODEL}"
+        note = f"mean {mean:.3g}{sampled}; {MODEL}"
         figures.append(
             UnjudgedValue("strength", f"largest torque of {in_words(name)} over its strength", largest, "1", note)
         )

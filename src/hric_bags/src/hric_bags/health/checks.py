@@ -1,5 +1,6 @@
 """Checks of a bag for damage and for problems of its streams."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ GAP_FACTOR = 3.0
 """Time between stamps of a regular stream that counts as a gap [median periods]; project default, unconfirmed."""
 MIN_GAP = 0.02
 """Smallest excess of the time between stamps over the period that is a gap [s]; project default, unconfirmed."""
+QUIET = {"hric_msgs/RegionContacts": 0.05, "gazebo_msgs/ContactsState": math.inf}
+"""Message type -> time between its messages while nothing touches, which are denser in a contact [s]."""
 REGULAR_SHARE = 0.8
 """Share of periods that must be within 50 % of the median in a regular stream [1]; project default, unconfirmed."""
 MIN_MESSAGES = 20
@@ -90,7 +93,7 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
         yield f"all {len(stream.judged)} stamps are equal"
     elif is_regular(stream):
         median = float(np.median(periods))
-        gaps = np.flatnonzero(periods > longest_period(median))
+        gaps = np.flatnonzero(periods > longest_period(median, stream.type_name))
         if len(gaps):
             longest = gaps[np.argmax(periods[gaps])]
             yield (
@@ -99,8 +102,14 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
             )
 
 
-def longest_period(period: float) -> float:
-    """Return the longest time between two stamps that is not a gap [s]; period: median period of the stream [s]."""
+def longest_period(period: float, kind: str) -> float:
+    """Return the longest time between two stamps that is not a gap [s].
+
+    Args:
+        period: median period of the stream [s].
+        kind: message type.
+    """
+    period = max(period, QUIET.get(kind, 0.0))
     return max(GAP_FACTOR * period, period + MIN_GAP)
 
 

@@ -1,5 +1,6 @@
 """Record of a simulated person in a run, from topics in the person's namespace in a bag. No ROS."""
 
+import math
 from array import array
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -42,6 +43,8 @@ class GripRecord:
         force, torque: wrench on the holder, world frame, shape (n, 3) [N], [N m].
         point: point at which the wrench acts, world frame, shape (n, 3) [m].
         slipped: distance slipped since the grip closed, shape (n,) [m].
+        peak: largest force of the closed grip in any message, also in those that a limited rate leaves out [N]; 0: they
+            are not known, NaN: it is not known.
     """
 
     name: str
@@ -53,6 +56,7 @@ class GripRecord:
     torque: FloatArray
     point: FloatArray
     slipped: FloatArray
+    peak: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -143,7 +147,7 @@ class HumanMessages:
     Args:
         name: namespace of the person.
         rate: highest rate at which joint states, torques, root poses and each grip are stored [Hz]; None: all. All
-            other messages are stored.
+            other messages are stored; of those of a grip that are not, the largest force is.
     """
 
     def __init__(self, name: str, rate: float | None = None) -> None:
@@ -176,10 +180,9 @@ class HumanMessages:
 
     def due(self, connection: Any, raw: bytes) -> bool:
         """Return True if a message has to be read at the limited rate; raw: serialised message."""
-        if self._thin is None or connection.msgtype in (EVENT_TYPE, CONTACTS_TYPE):
+        if self._thin is None or connection.msgtype in (EVENT_TYPE, CONTACTS_TYPE, GRIP_TYPE):
             return True
-        name = _second_text(raw) if connection.msgtype == GRIP_TYPE else b""
-        return self._thin.due((connection.topic, name), raw)
+        return self._thin.due(connection.topic, raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
         """Add a message of this person."""
@@ -193,7 +196,8 @@ class HumanMessages:
             self._root.extend(xyz_quaternion(message.pose))
             self._frames[str(message.header.frame_id).strip("/")] = None
         elif kind == GRIP_TYPE:
-            self._grips.setdefault(message.name, _Grips(message)).add(stamp, message)
+            period = 0.0 if self._thin is None else 1e-9 * self._thin.period
+            self._grips.setdefault(message.name, _Grips(message, period)).add(stamp, message)
         elif kind == EVENT_TYPE:
             self._events.append((stamp, message))
         elif self._contacts is not None:
@@ -240,24 +244,28 @@ def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> Floa
     return np.hstack([values, np.full((len(values), 1), np.nan)])[:, columns]
 
 
-def _second_text(raw: bytes) -> bytes:
-    """Return the text that follows the header in a serialised message."""
-    begin = 20 + int.from_bytes(raw[12:16], "little")
-    return bytes(raw[begin : begin + int.from_bytes(raw[begin - 4 : begin], "little")])
-
-
 class _Grips:
-    """Collector of the messages of one grip; first: the first of them."""
+    """Collector of the messages of one grip.
 
-    def __init__(self, first: Any) -> None:
-        self._first, self._stamps, self._rows = first, array("d"), array("d")
+    Args:
+        first: first message.
+        period: shortest time between stored messages [s].
+    """
+
+    def __init__(self, first: Any, period: float) -> None:
+        self._first, self._period, self._stamps, self._rows = first, period, array("d"), array("d")
+        self._peak = 0.0
 
     def add(self, stamp: float, m: Any) -> None:
-        self._stamps.append(stamp)
-        self._rows.extend((m.closed, m.slipped, *xyz(m.wrench.force), *xyz(m.wrench.torque), *xyz(m.point)))
+        force = xyz(m.wrench.force)
+        if m.closed:
+            self._peak = float(np.maximum(self._peak, math.hypot(*force)))  # NaN stays
+        if not self._stamps or abs(stamp - self._stamps[-1]) >= self._period:
+            self._stamps.append(stamp)
+            self._rows.extend((m.closed, m.slipped, *force, *xyz(m.wrench.torque), *xyz(m.point)))
 
     def record(self, robot_time: Callable[[float], float]) -> GripRecord:
         time, rows = in_order(times(self._stamps, robot_time), np.array(self._rows).reshape(-1, 11))
         m, closed = self._first, (rows[:, 0] > 0.0) & rows[:, 8:].any(axis=1)
         force, torque, point = rows[:, 2:5], rows[:, 5:8], rows[:, 8:]
-        return GripRecord(m.name, m.held, m.holder, time, closed, force, torque, point, rows[:, 1])
+        return GripRecord(m.name, m.held, m.holder, time, closed, force, torque, point, rows[:, 1], self._peak)
