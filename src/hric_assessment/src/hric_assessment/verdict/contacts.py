@@ -215,7 +215,8 @@ class _Judge:
         of_link, links = {} if self._body is None else self._body.regions, (grip.holder, grip.held)
         found = [region.name for body in links for region in of_link.get(body.rpartition("::")[2], ())]
         limit, force = self._choices.limits.at(found or [HAND]), np.linalg.norm(grip.force[grip.closed], axis=1)
-        if limit is None or (largest := held_ratio(float(force.max(initial=0.0)), limit)).ratio <= 1.0:
+        force = float(np.max([*force, grip.left_out[0]]))
+        if limit is None or (largest := held_ratio(force, limit)).ratio <= 1.0:
             return None
         reason = f"{largest}; {BEYOND}" if math.isfinite(largest.ratio) else "the force of the grip is not known"
         time, name = grip.time[grip.closed], self._record.name

@@ -94,18 +94,20 @@ def _muscles_of(recorded: Columns, muscles: Sequence[str]) -> Columns:
 def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[UnjudgedValue]:
     """Return the largest torque of each joint as share of its strength; for shoulders also for a weaker person."""
     record, table = None if person is None else person.record, verdict_table()
+    left_out: FloatArray | float = 0.0
     columns = next(_of_person(source.recording.shares, person), None)
     if record is not None and len(record.torque_time):
-        names, shares = record.joints, np.abs(record.share)
+        names, shares, left_out = record.joints, np.abs(record.share), record.share_left_out
     elif columns is not None:
         names, shares = columns.names, np.abs(columns.values)
     else:
         return []
     figures, factor = [], table["weak_shoulder"]
-    for name, share in zip(names, shares.T, strict=True):
+    peaks = np.fmax(np.fmax.reduce(shares), left_out)
+    for name, share, largest in zip(names, shares.T, peaks.tolist(), strict=True):
         if not np.isfinite(share).any():
             continue
-        largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
+        mean = float(np.nanmean(share))
         note = f"mean {mean:.3g}; {MODEL}"
         figures.append(
             UnjudgedValue("strength", f"largest torque of {in_words(name)} over its strength", largest, "1", note)
