@@ -18,6 +18,7 @@ SOURCE = Path(__file__).parents[3]
 RATIO = 4.0
 """Processor time of `hric --help` over that of an empty program of Python, at most; measured: 1.6."""
 TOY = """
+import os, signal, time
 from hric_core.command import Argument, Command
 from hric_core.errors import FailureError
 
@@ -32,6 +33,15 @@ class Toy(Command):
         if given.fail:
             raise FailureError("broken")
         print(sum(given.numbers), given.command)
+
+class Terminated(Command):
+    '''Be terminated during work.'''
+    def run(self, given):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(60.0)
+        finally:
+            print("cleaned up", flush=True)
 
 class ToyBox(Command):
     '''Put the toy into its box.'''
@@ -51,7 +61,7 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     )
     classes = "".join(
         f'<class name="{name}" type="toys_module:{kind}" base_class_type="hric_core::Command"/>'
-        for name, kind in (("toy", "Toy"), ("toy box", "ToyBox"))
+        for name, kind in (("toy", "Toy"), ("toy box", "ToyBox"), ("terminated", "Terminated"))
     )
     (package / "plugins.xml").write_text(f"<library>{classes}</library>")
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path}:{SOURCE}")
@@ -104,6 +114,13 @@ def test_the_help_lists_every_command_and_the_exit_codes(capsys: pytest.CaptureF
     printed = capsys.readouterr().out
     infos = plugins.names(plugins.COMMAND).values()
     assert EXIT_CODES in printed and all(info.description and info.description in printed for info in infos)
+
+
+def test_a_terminated_command_ends_like_an_interrupted_one(toys: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [toys, *filter(None, sys.path)]))}
+    words = [sys.executable, str(PROGRAM), "terminated"]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=30.0)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "cleaned up\n", "")
 
 
 def processor_time(*words: str) -> float:

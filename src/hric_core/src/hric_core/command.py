@@ -4,6 +4,7 @@ import argparse
 import os
 import re
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -21,7 +22,7 @@ exit codes:
   2    a mistake in the input; nothing was started, no file was written
   3    finished, but a check failed: a limit or tolerance is exceeded, a bag has problems, runs failed
   4    finished, but undecided: data needed for the check are missing, or a bag is damaged
-  130  ended by Ctrl-C"""
+  130  ended by Ctrl-C or SIGTERM"""
 
 SMALL_NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)e[+-]?\d+", re.IGNORECASE)
 """Pattern of values such as -1e-3, which argparse takes for options unless they begin with a space."""
@@ -106,7 +107,9 @@ def main(words: Sequence[str] | None = None) -> int:
     Args:
         words: name of the command and its arguments; None: those of `sys.argv`.
     """
-    words = sys.argv[1:] if words is None else words
+    if words is None:
+        words = sys.argv[1:]
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # no temporary files are left
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     if {"-h", "--help"}.intersection(words[:1]):
@@ -118,6 +121,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def alias(name: str) -> int:
     """Run a command of `hric` with the arguments of this process, and return its exit code."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     return main([name, *sys.argv[1:]])
 
 
