@@ -1,5 +1,6 @@
 """Checks of a bag for damage and for problems of its streams."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ REGULAR_SHARE = 0.8
 """Share of periods that must be within 50 % of the median in a regular stream [1]; project default, unconfirmed."""
 MIN_MESSAGES = 20
 """Minimum number of messages of a regular stream; fewer count as events; project default, unconfirmed."""
+SPARSE = {"hric_msgs/RegionContacts": 0.05, "gazebo_msgs/ContactsState": math.inf}
+"""Period of types that are sent more often while bodies touch [s]; infinite: they are sent only then."""
 LATE, EARLY = 1.0, 0.1
 """Largest valid time by which a stamp is older (LATE) or younger (EARLY) than its recording [s].
 
@@ -46,7 +49,8 @@ class HealthFinding:
 
 def is_regular(stream: TopicStream) -> bool:
     """Return True if header stamps are evenly spaced; False for events, latched topics and topics without header."""
-    if stream.judged is None or len(stream.judged) < MIN_MESSAGES:
+    sparse = math.isinf(SPARSE.get(stream.type_name, 0.0))
+    if sparse or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return False
     periods = np.diff(np.unique(stream.judged) * 1e-9)
     median = float(np.median(periods)) if len(periods) else 0.0
@@ -90,7 +94,7 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
         yield f"all {len(stream.judged)} stamps are equal"
     elif is_regular(stream):
         median = float(np.median(periods))
-        gaps = np.flatnonzero(periods > longest_period(median))
+        gaps = np.flatnonzero(periods > longest_period(median, stream.type_name))
         if len(gaps):
             longest = gaps[np.argmax(periods[gaps])]
             yield (
@@ -99,8 +103,9 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
             )
 
 
-def longest_period(period: float) -> float:
-    """Return the longest time between two stamps that is not a gap [s]; period: median period of the stream [s]."""
+def longest_period(median: float, kind: str) -> float:
+    """Return the longest time between two stamps that is not a gap [s]; median, kind: median period [s], type."""
+    period = max(median, SPARSE.get(kind, 0.0))
     return max(GAP_FACTOR * period, period + MIN_GAP)
 
 
