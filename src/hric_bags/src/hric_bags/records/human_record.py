@@ -101,7 +101,7 @@ class HumanRecord:
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord | None:
-    """Read the first person in a bag; None: the bag has no person with both motion and torques."""
+    """Read the first person in a bag; None: the bag has no person with torques and at least two instants."""
     with opened(bag) as reader:
         names = human_names(reader.connections)
         if not names:
@@ -118,7 +118,7 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord |
             else:
                 muscles.add(connection.topic, message)
     record = messages.record(robot_time)
-    if not len(record.time) or not len(record.torque_time):
+    if len(record.time) < 2 or not len(record.torque_time):
         return None
     return replace(record, muscles=muscles.record(robot_time))
 
