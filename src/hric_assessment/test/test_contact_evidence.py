@@ -399,17 +399,6 @@ def test_the_remedy_for_a_bag_is_a_command_for_a_file(tmp_path: Path) -> None:
     assert "hric assess FILE --contact-area M2" in finding.remedy  # hric assess case finds no run of this name
 
 
-def test_the_shortest_peak_of_a_grip_counts(tmp_path: Path) -> None:
-    def make(bag: Bag) -> None:
-        standing(bag)
-        bag.silence(0.0, 3.0)
-        for k in range(2000):  # 1 kHz, of which 100 Hz are stored
-            bag.grip(0.5 + 0.001 * k, 300.0 if k == 1005 else 20.0)
-
-    finding = only(tmp_path, make)
-    assert finding.outcome == Outcome.NOT_ASSESSABLE and "quasi-static force 300.0 of 140.0 N" in finding.reason
-
-
 def test_a_grip_is_harmless_only_while_its_force_is_recorded(tmp_path: Path) -> None:
     def make(bag: Bag) -> None:
         standing(bag)
@@ -430,6 +419,29 @@ def test_a_grip_of_the_experiment_that_is_not_recorded_is_not_harmless(tmp_path:
     run = {"definition": {"human": {"parts": "right_arm", "grips": grips}}}
     (finding,) = contact_findings(replace(source, run=run), AssessmentChoices())
     assert finding.outcome == Outcome.NOT_ASSESSABLE and finding.reason == "the grip is not recorded"
+
+
+def test_a_grip_that_is_too_firm_for_three_milliseconds_is_not_harmless(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.silence(0.0, 3.0)
+        for k in range(1000):
+            bag.grip(0.5 + 0.001 * k, 300.0 if 503 <= k < 506 else 20.0)
+
+    finding, *_ = contacts(tmp_path, make)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "quasi-static force 300.0 of 140.0 N" in finding.reason
+    figures = {figure.name: figure.value for figure in verdict(tmp_path, make).figures}
+    assert figures["largest force, grip right of box::handle"] == 300.0
+
+
+def test_the_largest_share_of_strength_is_that_of_every_message(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 3.0, rate=1000.0)
+        (strained,) = (row[3] for row in bag.rows if row[1].endswith("joint_torque") and abs(row[0] - 1.503) < 1e-6)
+        strained.strength_share = np.linspace(-0.9, 0.0, len(strained.name))
+
+    figures = {figure.name: figure.value for figure in verdict(tmp_path, make).figures}
+    assert figures["largest torque of right shoulder flexion over its strength"] == pytest.approx(0.9)
 
 
 def test_an_unknown_region_costs_its_own_contact_only(tmp_path: Path) -> None:

@@ -48,8 +48,10 @@ def test_a_grip_is_closed_for_its_share_of_the_messages() -> None:
     assert found is not None and found.closed == pytest.approx(0.6 * 4.0)
 
 
-def test_a_grip_that_never_closed_has_no_effort() -> None:
+def test_a_grip_that_never_closed_or_has_one_message_has_no_effort() -> None:
     assert effort(replace(grip(), closed=np.zeros(len(TIME), np.bool_))) is None
+    one = {name: getattr(grip(), name)[2000:2001] for name in ("time", "closed", "force", "torque", "point")}
+    assert effort(replace(grip(), **one)) is None
 
 
 @pytest.mark.parametrize(

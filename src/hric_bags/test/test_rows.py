@@ -3,8 +3,14 @@
 from types import SimpleNamespace
 
 import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
+from hric_bags.memory import MemoryBag
+from hric_bags.records import human_record
 from hric_bags.records.rows import RecordRows, Thinning
+from hric_core.robot_time.stamps import to_time
+from hric_msgs.msg import JointTorque
 
 
 def raw(milliseconds: int) -> bytes:
@@ -36,3 +42,14 @@ def test_rows_have_the_order_of_their_times() -> None:
         rows.add(stamp, SimpleNamespace(name=["elbow"], position=[10.0 * stamp]))
     time, position = rows.columns(float)
     assert time.tolist() == [0.0, 0.1, 0.2] and position[:, 0].tolist() == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize(("instants", "known"), [(1, False), (2, True)])
+def test_one_instant_of_a_person_is_no_motion(instants: int, known: bool) -> None:
+    bag = MemoryBag()
+    for k in range(instants):
+        header = Header(stamp=to_time(0.01 * k))
+        bag.write("/hric/human/joint_states", JointState(header, ["right_el_flex"], [0.1], [0.0], [0.0]), 0.01 * k)
+        load = JointTorque(header, ["right_el_flex"], [1.0], [0.1], [False], [0])
+        bag.write("/hric/human/joint_torque", load, 0.01 * k)
+    assert (human_record.read(bag, float) is not None) == known

@@ -224,6 +224,9 @@ def test_a_run_of_the_sweep_is_the_approach_of_its_seed():
     values, _ = approach(3)
     assert response.state_sha256 == values.log.state_sha256()
     assert response.outputs["standing_above"] == sum(row["above"] for row in values["impact"]["standing"])
+    reported, supervision = values["supervisor"], values["supervision"]
+    assert (supervision["stopped"], supervision["slowed"]) == (reported["share_stopped"], reported["share_slowed"])
+    assert supervision["separation"] == reported["separation_min"]
 
 
 def ended(index, failure="", **outputs):

@@ -1,5 +1,6 @@
 """Sweeps survive kill -9 of a worker or of themselves, Ctrl-C, and runs that end their worker or take all memory."""
 
+import multiprocessing
 import os
 import random
 import re
@@ -203,6 +204,22 @@ def test_worker_killed_between_two_runs_is_replaced() -> None:
         assert engine._pool.schedule(os.getpid, timeout=ENOUGH).result(ENOUGH) != worker
     finally:
         engine.close(now=True)
+
+
+def test_ctrl_c_does_not_reach_a_worker_that_starts(capfd: pytest.CaptureFixture[str]) -> None:
+    engine = PebbleEngine(1, 4e9)
+    try:
+        response, interrupted = engine._pool.schedule(os.getpid, timeout=ENOUGH), 0
+        while not response.done():
+            for worker in multiprocessing.active_children():
+                if worker.pid is not None:
+                    os.kill(worker.pid, signal.SIGINT)
+                    interrupted += 1
+            time.sleep(0.05)
+        assert response.result() in children(os.getpid()) and interrupted > 1
+    finally:
+        engine.close(now=True)
+    assert "KeyboardInterrupt" not in capfd.readouterr().err
 
 
 def die_with_the_lock() -> None:

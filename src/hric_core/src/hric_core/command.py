@@ -22,7 +22,7 @@ exit codes:
   2    a mistake in the input; nothing was started, no file was written
   3    finished, but a check failed: a limit or tolerance is exceeded, a bag has problems, runs failed
   4    finished, but undecided: data needed for the check are missing, or a bag is damaged
-  130  ended by Ctrl-C"""
+  130  ended by Ctrl-C or SIGTERM"""
 
 SMALL_NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)e[+-]?\d+", re.IGNORECASE)
 """Pattern of values such as -1e-3, which argparse takes for options unless they begin with a space."""

@@ -13,6 +13,8 @@ from hric_bags.records import contact_record
 from hric_bags.run_file import RunFile
 from hric_report import sensor_text
 
+PEAKS = (("|tau| max", "N m"), ("rotatum max", "N m/s"), ("|dq| max", "rad/s"), ("of limit", ""))
+"""Columns of the peaks of a joint over a run, with their units."""
 SHOWN_EVENTS = 12
 """Maximum number of supervisor events in the text; metrics.json has all of them. Project default, unconfirmed."""
 
@@ -26,8 +28,12 @@ def render(run: RunFile, metrics: RunMetrics) -> str:
     if metrics.prismatic:
         parts.append(prismatic(metrics.prismatic))
     parts.append(_stability(metrics.stability))
-    note = "; maxima of |tau|, rotatum and |dq|: of the whole run" if len(metrics.setpoints) > 1 else ""
-    parts += [_setpoint(setpoint, metrics.joints, note) for setpoint in metrics.setpoints]
+    one = len(metrics.setpoints) == 1
+    parts += [_setpoint(setpoint, metrics.joints if one else {}) for setpoint in metrics.setpoints]
+    if metrics.setpoints and not one:
+        rows = [[name, *_peaks(joint)] for name, joint in metrics.joints.items()]
+        lines = text.rows([*zip(("joint", ""), *PEAKS, strict=True), *rows], head=2)
+        parts.append("\n".join(["peaks over the whole run", "", *lines]))
     if metrics.human:
         from hric_report import human_text  # imported only for runs with a person: it is slow to import
 
@@ -109,14 +115,18 @@ def setpoint_cells(setpoint: SetpointMetrics) -> tuple[list[tuple[str, str]], li
     return columns, rows
 
 
-def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics], note: str) -> str:
+def _peaks(joint: JointMetrics) -> list[str]:
+    """Return the cells of the columns PEAKS."""
+    peaks = (joint.effort_peak, joint.rotatum_peak, joint.velocity_peak)
+    share = "-" if joint.velocity_ratio is None else f"{100 * joint.velocity_ratio:.0f} %"
+    return [*("-" if peak is None else f"{peak:.2f}" for peak in peaks), share]
+
+
+def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics]) -> str:
+    """Return the table of one setpoint; joints: those whose peaks over the run belong to it."""
     columns, rows = setpoint_cells(setpoint)
-    columns += [("|tau| max", "N m"), ("rotatum max", "N m/s"), ("|dq| max", "rad/s"), ("of limit", "")]
-    for row in rows:
-        joint = joints[row[0]]
-        peaks = (joint.effort_peak, joint.rotatum_peak, joint.velocity_peak)
-        row += ["-" if peak is None else f"{peak:.2f}" for peak in peaks]
-        row.append("-" if joint.velocity_ratio is None else f"{100 * joint.velocity_ratio:.0f} %")
+    if joints:
+        columns, rows = [*columns, *PEAKS], [[*row, *_peaks(joints[row[0]])] for row in rows]
     lines = text.rows([*zip(*columns, strict=True), *rows], head=2)
     bands = ", ".join(
         f"within {t} rad {'never' if time is None else f'after {time:.3f} s'}"
@@ -126,7 +136,7 @@ def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics], not
         f"setpoint at {setpoint.time:.3f} s through {setpoint.controller}: largest final error "
         f"{setpoint.final_error_max:.2e} rad"
     )
-    return "\n".join([f"{title}; all joints {bands}{note}", "", *lines])
+    return "\n".join([f"{title}; all joints {bands}", "", *lines])
 
 
 def _limits(metrics: RunMetrics) -> str:

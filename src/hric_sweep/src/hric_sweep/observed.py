@@ -22,7 +22,7 @@ from hric_bags.reader import (
     RunRecord,
 )
 from hric_bags.reader import read as read_record
-from hric_bags.records import contact_record, human_record
+from hric_bags.records import contact_record, human_record, safety_record
 from hric_bags.run_file import RunFile
 from hric_run import provenance
 from hric_run.definition.experiment import to_dict
@@ -31,7 +31,6 @@ from hric_sweep.approaches.contact_events import ContactEvent, contact_events, i
 from hric_sweep.outputs import COLLABORATION, IMPACT, SUPERVISION, SWEEP_GROUPS
 from hric_sweep.records import PlainData
 
-SAFETY_TYPE = "hric_msgs/msg/SafetyState"
 ALL = None
 HUMAN = (
     *human_record.TYPES,
@@ -46,7 +45,7 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     "human": HUMAN,
     "contacts": (contact_record.CONTACTS_TYPE,),
     IMPACT: (*HUMAN, LOG_TYPE),
-    SUPERVISION: (SAFETY_TYPE,),
+    SUPERVISION: safety_record.TYPES,
     COLLABORATION: (*HUMAN, LOG_TYPE),
 }
 """Message types that each group of metrics needs besides MOVED; a group that is not listed needs all types."""
@@ -138,10 +137,6 @@ class Observations(Mapping[str, object]):
         """Metrics of the run, with the keys of metrics.json."""
         return Values(self._run, self._bag, self._record, self.description)
 
-    def _messages(self, kind: str) -> list[Any]:
-        chosen = self._bag.chosen(lambda connection: connection.msgtype == kind)
-        return [self._bag.deserialize(raw, kind) for _, _, raw in chosen]
-
     @cached_property
     def verdict_input(self) -> AssessmentInput:
         """Recorded data of the run in the form that the verdict reads."""
@@ -157,8 +152,8 @@ class Observations(Mapping[str, object]):
         return impact(self.contacts)
 
     @cached_property
-    def _supervision(self) -> dict[str, float] | None:
-        return supervision(self._messages(SAFETY_TYPE))
+    def _supervision(self) -> PlainData | None:
+        return supervision(safety_record.read(self._bag, self._record.robot_time))
 
     @cached_property
     def _collaboration(self) -> PlainData | None:

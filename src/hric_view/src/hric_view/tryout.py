@@ -11,7 +11,6 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from multiprocessing import get_context
 from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
@@ -24,7 +23,7 @@ from hric_report.html.human_and_objects import simulated_person
 from hric_report.html.scene import SceneRobot, joint_track
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
-from hric_sweep.engines.pebble_engine import begin_worker
+from hric_sweep.engines.pebble_engine import WorkerContext, begin_worker
 from hric_sweep.observed import Observations, Observed
 from hric_sweep.outputs import IMPACT
 from hric_sweep.task import reason
@@ -208,4 +207,4 @@ class Tryout:
 def _pool() -> ProcessPool:
     """Return a pool of one worker process, which ends when this process ends."""
     initial = (os.getpid(), MEMORY)
-    return ProcessPool(max_workers=1, context=get_context("spawn"), initializer=begin_worker, initargs=initial)
+    return ProcessPool(max_workers=1, context=WorkerContext(), initializer=begin_worker, initargs=initial)

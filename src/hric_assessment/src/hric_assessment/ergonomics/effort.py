@@ -32,16 +32,15 @@ class Effort:
 
 
 def effort(grip: GripRecord) -> Effort | None:
-    """Return force and work of a grip, None if the hand never closed."""
+    """Return force and work of a grip; None: the hand never closed, or only one message is known."""
     size, held = np.linalg.norm(grip.force, axis=1), grip.closed
-    if not held.any():
+    if not held.any() or len(held) < 2:
         return None
     velocity = np.gradient(np.where(held[:, None], grip.point, np.nan), grip.time, axis=0)
     power = np.nan_to_num(-np.einsum("ij,ij->i", grip.force, velocity))
     return Effort(
         float(held.mean() * (grip.time[-1] - grip.time[0])),
-        float(size.max()),
-        float(grip.time[size.argmax()]),
+        *max((float(size.max()), float(grip.time[size.argmax()])), grip.left_out),
         float(size[held].mean()),
         float(np.linalg.norm(grip.torque, axis=1).max()),
         float(np.trapezoid(power, grip.time)),

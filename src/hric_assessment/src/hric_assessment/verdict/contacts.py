@@ -229,7 +229,7 @@ class _Judge:
         if len(force) and limit is None:
             reason = f"{self._choices.limits.table.title} has no limit for {' or '.join(found)}"
         elif limit is not None:
-            largest = held_ratio(float(np.append(force, grip.peak).max()), limit)
+            largest = held_ratio(float(np.append(force, grip.left_out[0]).max()), limit)
             if not largest.ratio <= 1.0:
                 high = math.isfinite(largest.ratio)
                 reason = f"{largest}; {BEYOND}" if high else "the force of the grip is not known"

@@ -20,13 +20,14 @@ def interaction(source: AssessmentInput) -> list[UnjudgedValue]:
     figures = []
     for human, grip in [(record, grip) for record in humans.values() for grip in record.grips.values()]:
         cost, what = effort(grip), f"grip {grip.name} of {grip.held}"
+        rate = f"{len(grip.time) / max(np.ptp(grip.time), 1e-3):.0f} samples per second"
         what = f"{human.name}: {what}" if len(humans) > 1 else what
         if cost is None:
-            figures.append(UnjudgedValue(GROUP, f"largest force, {what}", None, "N", "the grip never closed"))
+            figures.append(UnjudgedValue(GROUP, f"largest force, {what}", None, "N", "not closed for two messages"))
             continue
         figures += [
             UnjudgedValue(GROUP, f"largest force, {what}", cost.force_max, "N", f"mean {cost.force_mean:.2f} N"),
-            UnjudgedValue(GROUP, f"work, {what}", cost.work, "J", f"absolute work {cost.work_absolute:.3g} J"),
+            UnjudgedValue(GROUP, f"work, {what}", cost.work, "J", f"absolute work {cost.work_absolute:.3g} J; {rate}"),
             _smooth(grip, human.events, what),
         ]
     return figures

@@ -94,20 +94,21 @@ def _muscles_of(recorded: Columns, muscles: Sequence[str]) -> Columns:
 def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[UnjudgedValue]:
     """Return the largest torque of each joint as share of its strength; for shoulders also for a weaker person."""
     record, table = None if person is None else person.record, verdict_table()
+    left_out: FloatArray | float = 0.0
     columns = next(_of_person(source.recording.shares, person), None)
     if record is not None and len(record.torque_time):
-        names, shares, time = record.joints, np.abs(record.share), record.torque_time
+        names, shares, left_out = record.joints, np.abs(record.share), record.share_left_out
     elif columns is not None:
-        names, shares, time = columns.names, np.abs(columns.values), columns.time
+        names, shares = columns.names, np.abs(columns.values)
     else:
         return []
     figures, factor = [], table["weak_shoulder"]
-    sampled = f", at {(len(time) - 1) / span:.0f} Hz" if (span := float(np.ptp(time))) > 0.0 else ""
-    for name, share in zip(names, shares.T, strict=True):
+    peaks = np.fmax(np.fmax.reduce(shares), left_out)
+    for name, share, largest in zip(names, shares.T, peaks.tolist(), strict=True):
         if not np.isfinite(share).any():
             continue
-        largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
-        note = f"mean {mean:.3g}{sampled}; {MODEL}"
+        mean = float(np.nanmean(share))
+        note = f"mean {mean:.3g}; {MODEL}"
         figures.append(
             UnjudgedValue("strength", f"largest torque of {in_words(name)} over its strength", largest, "1", note)
         )

@@ -19,7 +19,7 @@ from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.refined import relative_bar
 from hric_assessment.verdict.separating import TOUCHING, PersonSeparation, separated, separation_finding
 
-SHARE, S_P = ("share of the limit", "%"), ("protective distance S_p", "m")
+SHARE, S_P = ("largest share of the limit", "%"), ("protective distance S_p", "m")
 """Quantity and unit of a conclusion; S_p if a distance is not compared with it, as in a contact."""
 PEAK, PERMITTED, PROTECTIVE = "transient peak [N]", "permitted speed", "S_p [m]"
 

@@ -13,12 +13,12 @@ GAP_FACTOR = 3.0
 """Time between stamps of a regular stream that counts as a gap [median periods]; project default, unconfirmed."""
 MIN_GAP = 0.02
 """Smallest excess of the time between stamps over the period that is a gap [s]; project default, unconfirmed."""
-QUIET = {"hric_msgs/RegionContacts": 0.05, "gazebo_msgs/ContactsState": math.inf}
-"""Message type -> time between its messages while nothing touches, which are denser in a contact [s]."""
 REGULAR_SHARE = 0.8
 """Share of periods that must be within 50 % of the median in a regular stream [1]; project default, unconfirmed."""
 MIN_MESSAGES = 20
 """Minimum number of messages of a regular stream; fewer count as events; project default, unconfirmed."""
+SPARSE = {"hric_msgs/RegionContacts": 0.05, "gazebo_msgs/ContactsState": math.inf}
+"""Period of types that are sent more often while bodies touch [s]; infinite: they are sent only then."""
 LATE, EARLY = 1.0, 0.1
 """Largest valid time by which a stamp is older (LATE) or younger (EARLY) than its recording [s].
 
@@ -49,7 +49,8 @@ class HealthFinding:
 
 def is_regular(stream: TopicStream) -> bool:
     """Return True if header stamps are evenly spaced; False for events, latched topics and topics without header."""
-    if stream.judged is None or len(stream.judged) < MIN_MESSAGES:
+    sparse = math.isinf(SPARSE.get(stream.type_name, 0.0))
+    if sparse or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return False
     periods = np.diff(np.unique(stream.judged) * 1e-9)
     median = float(np.median(periods)) if len(periods) else 0.0
@@ -102,14 +103,9 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
             )
 
 
-def longest_period(period: float, kind: str) -> float:
-    """Return the longest time between two stamps that is not a gap [s].
-
-    Args:
-        period: median period of the stream [s].
-        kind: message type.
-    """
-    period = max(period, QUIET.get(kind, 0.0))
+def longest_period(median: float, kind: str) -> float:
+    """Return the longest time between two stamps that is not a gap [s]; median, kind: median period [s], type."""
+    period = max(median, SPARSE.get(kind, 0.0))
     return max(GAP_FACTOR * period, period + MIN_GAP)
 
 

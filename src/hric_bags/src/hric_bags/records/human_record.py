@@ -5,6 +5,7 @@ from array import array
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from struct import unpack_from
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from hric_bags.records.region_contacts import (
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
-from hric_bags.records.rows import RecordRows, Thinning, in_order, times, xyz, xyz_quaternion
+from hric_bags.records.rows import RecordRows, Thinning, in_order, stamp_of, times, xyz, xyz_quaternion
 from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
@@ -43,8 +44,7 @@ class GripRecord:
         force, torque: wrench on the holder, world frame, shape (n, 3) [N], [N m].
         point: point at which the wrench acts, world frame, shape (n, 3) [m].
         slipped: distance slipped since the grip closed, shape (n,) [m].
-        peak: largest force of the closed grip in any message, also in those that a limited rate leaves out [N]; 0: they
-            are not known, NaN: it is not known.
+        left_out: largest force of the messages that were left out [N], and its robot time [s].
     """
 
     name: str
@@ -56,7 +56,7 @@ class GripRecord:
     torque: FloatArray
     point: FloatArray
     slipped: FloatArray
-    peak: float = 0.0
+    left_out: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class HumanRecord:
         root: root pose of a walking person; None: the person's root does not move.
         name: namespace of the person.
         stream: times and losses of the recorded contact messages; None: the bag has no such topic.
+        share_left_out: largest absolute share of strength of the messages that were left out, shape (j,) [1].
     """
 
     joints: tuple[str, ...]
@@ -96,10 +97,11 @@ class HumanRecord:
     root: RootRecord | None = None
     name: str = ""
     stream: ContactStream | None = None
+    share_left_out: FloatArray | float = 0.0
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord | None:
-    """Read the first person in a bag; None: the bag has no person with both motion and torques."""
+    """Read the first person in a bag; None: the bag has no person with torques and at least two instants."""
     with opened(bag) as reader:
         names = human_names(reader.connections)
         if not names:
@@ -116,7 +118,7 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord |
             else:
                 muscles.add(connection.topic, message)
     record = messages.record(robot_time)
-    if not len(record.time) or not len(record.torque_time):
+    if len(record.time) < 2 or not len(record.torque_time):
         return None
     return replace(record, muscles=muscles.record(robot_time))
 
@@ -144,10 +146,12 @@ def _is_real(name: str) -> bool:
 class HumanMessages:
     """Collector of the messages of one person; only numbers are stored, so that an hour fits into memory.
 
+    The largest grip forces and shares of strength are those of all messages, at any rate.
+
     Args:
         name: namespace of the person.
         rate: highest rate at which joint states, torques, root poses and each grip are stored [Hz]; None: all. All
-            other messages are stored; of those of a grip that are not, the largest force is.
+            other messages are stored.
     """
 
     def __init__(self, name: str, rate: float | None = None) -> None:
@@ -160,6 +164,7 @@ class HumanMessages:
         self._position, self._torque = RecordRows("position"), RecordRows("torque", "strength_share")
         self._root_stamps, self._root, self._frames = array("d"), array("d"), dict[str, None]()
         self._grips: dict[str, _Grips] = {}
+        self._shares = _Shares()
         self._events: list[tuple[float, Any]] = []
         self._contacts: RegionMessages | None = None
 
@@ -173,16 +178,25 @@ class HumanMessages:
         return kinds.get(topic) == kind or (topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE))
 
     def note(self, connection: Any, raw: bytes) -> None:
-        """Count a contact message, even one that `due` leaves out; raw: serialised message."""
+        """Take from a message what counts even if `due` leaves it out; raw: serialised message."""
         if connection.msgtype == CONTACTS_TYPE:
             self._contacts = self._contacts or RegionMessages()
             self._contacts.note(raw)
+        elif self._thin is None:
+            return
+        elif connection.msgtype == GRIP_TYPE:
+            name, end = _text(raw, _text(raw, 12)[1])
+            if (grip := self._grips.get(name.decode())) is not None:
+                grip.note(raw, end)
+        elif connection.topic == self._torques:
+            self._shares.note(raw)
 
     def due(self, connection: Any, raw: bytes) -> bool:
         """Return True if a message has to be read at the limited rate; raw: serialised message."""
-        if self._thin is None or connection.msgtype in (EVENT_TYPE, CONTACTS_TYPE, GRIP_TYPE):
+        if self._thin is None or connection.msgtype in (EVENT_TYPE, CONTACTS_TYPE):
             return True
-        return self._thin.due(connection.topic, raw)
+        name = _text(raw, _text(raw, 12)[1])[0] if connection.msgtype == GRIP_TYPE else b""
+        return self._thin.due((connection.topic, name), raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
         """Add a message of this person."""
@@ -196,8 +210,7 @@ class HumanMessages:
             self._root.extend(xyz_quaternion(message.pose))
             self._frames[str(message.header.frame_id).strip("/")] = None
         elif kind == GRIP_TYPE:
-            period = 0.0 if self._thin is None else 1e-9 * self._thin.period
-            self._grips.setdefault(message.name, _Grips(message, period)).add(stamp, message)
+            self._grips.setdefault(message.name, _Grips(message)).add(stamp, message)
         elif kind == EVENT_TYPE:
             self._events.append((stamp, message))
         elif self._contacts is not None:
@@ -229,6 +242,7 @@ class HumanMessages:
             root=self._root_record(robot_time),
             name=self.name,
             stream=None if self._contacts is None else contacts.stream(robot_time),
+            share_left_out=_sorted(self._shares.largest[None], self._shares.names, joints)[0],
         )
 
     def _root_record(self, robot_time: Callable[[float], float]) -> RootRecord | None:
@@ -244,28 +258,56 @@ def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> Floa
     return np.hstack([values, np.full((len(values), 1), np.nan)])[:, columns]
 
 
-class _Grips:
-    """Collector of the messages of one grip.
+def _text(raw: bytes, begin: int) -> tuple[bytes, int]:
+    """Return a text of a serialised message, and its end; begin: where its length stands."""
+    end = begin + 4 + int.from_bytes(raw[begin : begin + 4], "little")
+    return bytes(raw[begin + 4 : end]), end
 
-    Args:
-        first: first message.
-        period: shortest time between stored messages [s].
+
+class _Shares:
+    """Largest absolute shares of strength of serialised messages of joint torques with the same header and names.
+
+    Attributes:
+        names: joint names of these messages.
+        largest: largest share of each joint, shape (j,) [1].
     """
 
-    def __init__(self, first: Any, period: float) -> None:
-        self._first, self._period, self._stamps, self._rows = first, period, array("d"), array("d")
-        self._peak = 0.0
+    def __init__(self) -> None:
+        self._head, self.names, self.largest = b"", list[str](), np.zeros(0)
+
+    def note(self, raw: bytes) -> None:
+        """Take the shares of a message."""
+        if not self.names:
+            end = _text(raw, 12)[1] + 4
+            for _ in range(int.from_bytes(raw[end - 4 : end], "little")):
+                name, end = _text(raw, end)
+                self.names.append(name.decode())
+            self._head, self.largest = bytes(raw[12:end]), np.zeros(len(self.names))
+        at, n = 20 + len(self._head) + 8 * len(self.names), len(self.names)
+        if raw[12 : 12 + len(self._head)] == self._head and raw[at - 4 : at] == n.to_bytes(4, "little"):
+            self.largest = np.fmax(self.largest, np.abs(np.frombuffer(raw, "<f8", n, at)))
+
+
+class _Grips:
+    """Collector of the messages of one grip; first: the first of them."""
+
+    def __init__(self, first: Any) -> None:
+        self._first, self._stamps, self._rows, self._largest = first, array("d"), array("d"), (0.0, 0.0)
 
     def add(self, stamp: float, m: Any) -> None:
-        force = xyz(m.wrench.force)
-        if m.closed:
-            self._peak = float(np.maximum(self._peak, math.hypot(*force)))  # NaN stays
-        if not self._stamps or abs(stamp - self._stamps[-1]) >= self._period:
-            self._stamps.append(stamp)
-            self._rows.extend((m.closed, m.slipped, *force, *xyz(m.wrench.torque), *xyz(m.point)))
+        self._stamps.append(stamp)
+        self._rows.extend((m.closed, m.slipped, *xyz(m.wrench.force), *xyz(m.wrench.torque), *xyz(m.point)))
+
+    def note(self, raw: bytes, end: int) -> None:
+        """Take the force of a serialised message; end: end of its name."""
+        at = _text(raw, _text(raw, end)[1])[1]
+        force = math.hypot(*unpack_from("<3d", raw, at + 1)) if raw[at] else 0.0
+        if not (force <= self._largest[0] or math.isnan(self._largest[0])):
+            self._largest = force, 1e-9 * stamp_of(raw)
 
     def record(self, robot_time: Callable[[float], float]) -> GripRecord:
         time, rows = in_order(times(self._stamps, robot_time), np.array(self._rows).reshape(-1, 11))
         m, closed = self._first, (rows[:, 0] > 0.0) & rows[:, 8:].any(axis=1)
         force, torque, point = rows[:, 2:5], rows[:, 5:8], rows[:, 8:]
-        return GripRecord(m.name, m.held, m.holder, time, closed, force, torque, point, rows[:, 1], self._peak)
+        largest = self._largest[0], robot_time(self._largest[1])
+        return GripRecord(m.name, m.held, m.holder, time, closed, force, torque, point, rows[:, 1], largest)

@@ -4,14 +4,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 
+from hric_analysis import supervised
 from hric_analysis.contacts import counted_share
 from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
 from hric_assessment.findings import Finding, Outcome
 from hric_bags.reader import ControlRecord
+from hric_bags.records.safety_record import SafetyRecord
 from hric_msgs.msg import RegionContacts
 from hric_run.simulation import Simulation
 from hric_supervisor.arm import ArmShape, ArmState
@@ -149,18 +150,19 @@ def _over(time: float, end: float, touches: Sequence[float]) -> bool:
     return time > touches[-1] + PARTED + CHUNK or time >= touches[0] + LONGEST
 
 
-def supervision(states: Sequence[Any]) -> dict[str, float] | None:
-    """Summarise hric_msgs/SafetyState messages of the supervisor; None: there are none.
+def supervision(record: SafetyRecord | None) -> PlainData | None:
+    """Summarise the decisions of the supervisor as in metrics.json; None: there are none.
 
     Returns:
-        separation: smallest distance between person and arm [m]; violations: number of decisions while the arm moved
-        nearer to the person than the protective distance; stopped and slowed: shares of the time [1].
+        separation: smallest distance between person and arm [m]; None: never known. violations: number of decisions
+        while the arm moved nearer to the person than the protective distance. stopped and slowed: shares of the time
+        [1].
     """
-    if not states:
+    if record is None or (values := supervised.metrics(record)) is None:
         return None
     return {
-        "separation": float(np.nanmin([state.separation for state in states])),
-        "violations": float(sum(state.violation for state in states)),
-        "stopped": float(np.mean([state.state == "stopped" for state in states])),
-        "slowed": float(np.mean([state.state == "slowed" for state in states])),
+        "separation": values.separation_min,
+        "violations": float(record.violation.sum()),
+        "stopped": values.share_stopped,
+        "slowed": values.share_slowed,
     }

@@ -10,7 +10,7 @@ from concurrent.futures import TimeoutError as Late
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,24 @@ milliseconds. Project default, unconfirmed."""
 _PR_SET_PDEATHSIG = 1
 
 
+class WorkerProcess(SpawnProcess):
+    """Process that Ctrl-C does not reach before `begin_worker`, as it imports its code."""
+
+    def start(self) -> None:
+        """Start the process, which inherits the blocked signal."""
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class WorkerContext(SpawnContext):
+    """Context of multiprocessing for pools of workers."""
+
+    Process = WorkerProcess
+
+
 class PebbleEngine:
     """Engine that executes runs in a pool of processes on this machine.
 
@@ -50,7 +68,7 @@ class PebbleEngine:
         self.workers, self.window = jobs, OPEN_EACH * jobs
         self._pool = ProcessPool(
             max_workers=jobs,
-            context=get_context("spawn"),
+            context=WorkerContext(),
             initializer=begin_worker,
             initargs=(os.getpid(), int(memory)),
         )
@@ -220,6 +238,7 @@ def begin_worker(supervisor: int, memory: int) -> None:
     if os.getppid() != supervisor:  # the supervisor ended before the call above
         os._exit(1)
     os.setpgid(0, 0)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # pebble ignores it; processes of a run need it
     Path("/proc/self/oom_score_adj").write_text(str(FIRST_TO_GO))
     resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     runs.prepare()
