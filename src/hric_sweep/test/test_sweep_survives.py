@@ -138,6 +138,17 @@ def test_ctrl_c_keeps_what_ended_and_says_how_to_go_on(tmp_path: Path) -> None:
     assert table.read(folder).num_rows == ended(folder) < 400
 
 
+def test_ctrl_c_does_not_reach_a_worker_that_is_starting() -> None:
+    mask = "next(line.split()[1] for line in open('/proc/self/status') if line.startswith('SigBlk'))"
+    engine = PebbleEngine(1, 4e9)
+    try:
+        blocked = engine._pool.schedule(eval, args=(mask,), timeout=ENOUGH).result(ENOUGH)
+    finally:
+        engine.close(now=True)
+    assert int(blocked, 16) & 1 << (signal.SIGINT - 1)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 @pytest.mark.slow  # a worker begins four times
 def test_runs_that_end_their_worker_or_take_all_memory_cost_themselves_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -10,7 +10,7 @@ from concurrent.futures import TimeoutError as Late
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +48,7 @@ class PebbleEngine:
 
     def __init__(self, jobs: int, memory: float) -> None:
         self.workers, self.window = jobs, OPEN_EACH * jobs
-        self._pool = ProcessPool(
-            max_workers=jobs,
-            context=get_context("spawn"),
-            initializer=begin_worker,
-            initargs=(os.getpid(), int(memory)),
-        )
+        self._pool = worker_pool(jobs, memory)
         self._manager = self._pool._pool_manager
         self._manager.task_manager.timeout = Patience().exhausted
         self._manager.find_expired_task = self._task_of
@@ -207,8 +202,21 @@ def _how(code: int | None) -> str:
     return f"exit code {code}"
 
 
+def worker_pool(jobs: int, memory: float) -> ProcessPool:
+    """Return a pool of `jobs` processes, which start at once; Ctrl-C does not reach them. See `begin_worker`."""
+    initial = os.getpid(), int(memory)
+    pool = ProcessPool(max_workers=jobs, context=get_context("spawn"), initializer=begin_worker, initargs=initial)
+    resource_tracker.ensure_running()  # it would remove the signal from the mask when it starts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        _ = pool.active  # starts the workers, and the threads that replace them, all with this signal blocked
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return pool
+
+
 def begin_worker(supervisor: int, memory: int) -> None:
-    """Prepare a worker process: it ends when its parent (the supervisor) ends, and Ctrl-C does not reach it.
+    """Prepare a worker process: it ends when its parent (the supervisor) ends, and is in its own process group.
 
     If memory runs out, the kernel kills this process before the supervisor.
 
