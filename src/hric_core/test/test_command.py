@@ -2,6 +2,7 @@
 
 import os
 import resource
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,12 +13,15 @@ import pytest
 from hric_core import plugins
 from hric_core.command import EXIT_CODES, main, perform
 from hric_core.errors import UnknownNameError
+from hric_core.processes import INTERRUPTED_CODE
 
 PROGRAM = Path(__file__).parents[1] / "nodes/hric"
 SOURCE = Path(__file__).parents[3]
 RATIO = 4.0
 """Processor time of `hric --help` over that of an empty program of Python, at most; measured: 1.6."""
 TOY = """
+import os, signal
+from tempfile import NamedTemporaryFile
 from hric_core.command import Argument, Command
 from hric_core.errors import FailureError
 
@@ -26,11 +30,15 @@ class Toy(Command):
     is_node = True
 
     def arguments(self):
-        return [Argument("numbers", nargs="*", type=float), Argument("--fail", action="store_true", group="faults")]
+        return [Argument("numbers", nargs="*", type=float), Argument("--fail", action="store_true", group="faults"),
+                Argument("--wait", action="store_true")]
 
     def run(self, given):
         if given.fail:
             raise FailureError("broken")
+        if given.wait:
+            with NamedTemporaryFile(dir=".", prefix=".half_"):
+                os.kill(os.getpid(), signal.SIGTERM)
         print(sum(given.numbers), given.command)
 
 class ToyBox(Command):
@@ -85,6 +93,17 @@ def test_a_node_leaves_remappings_to_ros(toys: Path) -> None:
 def test_an_error_is_one_line_with_its_exit_code(toys: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["toy", "--fail"]) == 1
     assert capsys.readouterr().err == "hric toy: broken\n"
+
+
+def test_sigterm_ends_a_command_like_ctrl_c_without_temporary_files(
+    toys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert main(["toy", "--wait"]) == INTERRUPTED_CODE and not list(tmp_path.glob(".half_*"))
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_the_help_of_a_command_has_its_full_name(toys: Path, capsys: pytest.CaptureFixture[str]) -> None:

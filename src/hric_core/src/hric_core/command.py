@@ -4,8 +4,10 @@ import argparse
 import os
 import re
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 from xml.etree import ElementTree
@@ -21,7 +23,7 @@ exit codes:
   2    a mistake in the input; nothing was started, no file was written
   3    finished, but a check failed: a limit or tolerance is exceeded, a bag has problems, runs failed
   4    finished, but undecided: data needed for the check are missing, or a bag is damaged
-  130  ended by Ctrl-C"""
+  130  ended by Ctrl-C or SIGTERM"""
 
 SMALL_NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)e[+-]?\d+", re.IGNORECASE)
 """Pattern of values such as -1e-3, which argparse takes for options unless they begin with a space."""
@@ -106,6 +108,8 @@ def main(words: Sequence[str] | None = None) -> int:
     Args:
         words: name of the command and its arguments; None: those of `sys.argv`.
     """
+    with suppress(ValueError):  # this is not the main thread
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # temporary files are removed, as after Ctrl-C
     words = sys.argv[1:] if words is None else words
     if "_ARGCOMPLETE" in os.environ:
         _complete()
