@@ -9,6 +9,7 @@ import export_bags
 import numpy as np
 import pytest
 import rosbag
+from gazebo_msgs.msg import ContactsState, ContactState
 from geometry_msgs.msg import PointStamped
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
@@ -97,6 +98,29 @@ def test_a_gap_of_a_regular_stream_is_reported(tmp_path: Path) -> None:
 
 def test_events_have_no_gaps(tmp_path: Path) -> None:
     assert findings(points(tmp_path / "a.bag", np.cumsum(np.random.default_rng(3).exponential(1.0, 100)))) == ""
+
+
+def contacts(path: Path, times: Any, touching: Any) -> Path:
+    """Write a bag with contacts of bodies, which are published while there are any, and once after the last one."""
+    with BagWriter(path) as bag:
+        for time, touches in zip(times, touching, strict=True):
+            message = ContactsState(states=[ContactState(info="rigid contact of a on b")] * int(touches))
+            message.header.frame_id, message.header.stamp = "world", to_time(float(time))
+            bag.write("/sim/contacts", message, float(time))
+    return path
+
+
+TOUCHES = np.concatenate([np.arange(30) * 0.01, 2.0 + np.arange(30) * 0.01])
+
+
+def test_a_pause_while_nothing_touches_is_no_gap(tmp_path: Path) -> None:
+    assert findings(contacts(tmp_path / "a.bag", TOUCHES, np.arange(60) % 30 < 29)) == ""
+
+
+def test_a_pause_during_a_contact_is_a_gap(tmp_path: Path) -> None:
+    assert "1 gap, the longest 1.710 s from 0.290 s on; the stream's period is 0.0100 s" in findings(
+        contacts(tmp_path / "a.bag", TOUCHES, np.arange(60) < 59)
+    )
 
 
 def test_stamps_out_of_order_are_reported(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from hric_bags.health.bag_records import BagScan
 from hric_bags.health.streams import TopicStream
+from hric_core.geometry import FloatArray
 
 GAP_FACTOR = 3.0
 """Time between stamps of a regular stream that counts as a gap [median periods]; project default, unconfirmed."""
@@ -46,10 +47,13 @@ class HealthFinding:
 
 def is_regular(stream: TopicStream) -> bool:
     """Return True if header stamps are evenly spaced; False for events, latched topics and topics without header."""
-    if stream.judged is None or len(stream.judged) < MIN_MESSAGES:
+    return stream.judged is not None and _are_even(np.diff(np.unique(stream.judged) * 1e-9))
+
+
+def _are_even(periods: FloatArray) -> bool:
+    if len(periods) < MIN_MESSAGES - 1:
         return False
-    periods = np.diff(np.unique(stream.judged) * 1e-9)
-    median = float(np.median(periods)) if len(periods) else 0.0
+    median = float(np.median(periods))
     return median > 0.0 and float(np.mean(np.abs(periods - median) < 0.5 * median)) >= REGULAR_SHARE
 
 
@@ -84,18 +88,20 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
     """Yield a text on gaps in the header stamps of a stream whose messages have no running number."""
     if stream.counts or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return
-    stamps = np.unique(stream.judged) * 1e-9
-    periods = np.diff(stamps)
+    stamps, first = np.unique(stream.judged, return_index=True)
+    periods, idle = np.diff(stamps * 1e-9), stream.idle[first][:-1]
     if not len(periods):
         yield f"all {len(stream.judged)} stamps are equal"
-    elif is_regular(stream):
-        median = float(np.median(periods))
-        gaps = np.flatnonzero(periods > longest_period(median))
+    for mode in (idle, ~idle):
+        if not _are_even(periods[mode]):
+            continue
+        median = float(np.median(periods[mode]))
+        gaps = np.flatnonzero(mode & (periods > longest_period(median)))
         if len(gaps):
             longest = gaps[np.argmax(periods[gaps])]
             yield (
                 f"{len(gaps)} gap{'s' * (len(gaps) > 1)}, the longest {periods[longest]:.3f} s from "
-                f"{stamps[longest] - stamps[0]:.3f} s on; the stream's period is {median:.4f} s"
+                f"{(stamps[longest] - stamps[0]) * 1e-9:.3f} s on; the stream's period is {median:.4f} s"
             )
 
 
