@@ -3,6 +3,7 @@
 import os
 import random
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ import test_sweep_adaptive as adaptive
 from in_process import Here, carried_out
 from pebble import ProcessExpired
 
+from hric_core.errors import FailureError
 from hric_sweep import definition, execution, table
 from hric_sweep.engines import pebble_engine
 from hric_sweep.engines.engine import Lost
@@ -147,6 +149,16 @@ def test_ctrl_c_does_not_reach_a_worker_that_is_starting() -> None:
         engine.close(now=True)
     assert int(blocked, 16) & 1 << (signal.SIGINT - 1)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_without_semaphores_the_error_names_what_the_workers_need() -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, before[1]))
+    try:
+        with pytest.raises(FailureError, match="semaphores, in /dev/shm, and pipes: Too many open files"):
+            PebbleEngine(1, 4e9)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 @pytest.mark.slow  # a worker begins four times

@@ -16,6 +16,7 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
+from hric_core.errors import FailureError
 from hric_sweep import task as runs
 from hric_sweep.engines.engine import Died, Lost, TimedOut, same
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
@@ -203,15 +204,23 @@ def _how(code: int | None) -> str:
 
 
 def worker_pool(jobs: int, memory: float) -> ProcessPool:
-    """Return a pool of `jobs` processes, which start at once; Ctrl-C does not reach them. See `begin_worker`."""
+    """Return a pool of `jobs` processes, which start at once; Ctrl-C does not reach them. See `begin_worker`.
+
+    Raises:
+        FailureError: the system refuses what the processes need.
+    """
     initial = os.getpid(), int(memory)
     pool = ProcessPool(max_workers=jobs, context=get_context("spawn"), initializer=begin_worker, initargs=initial)
-    resource_tracker.ensure_running()  # it would remove the signal from the mask when it starts
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
+        resource_tracker.ensure_running()  # it would remove the signal from the mask when it starts
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         _ = pool.active  # starts the workers, and the threads that replace them, all with this signal blocked
+    except OSError as error:
+        needs = "they need semaphores, in /dev/shm, and pipes"
+        raise FailureError(f"the processes of the runs cannot start, {needs}: {error.strerror}") from error
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return pool
 
 
