@@ -9,7 +9,6 @@ import export_bags
 import numpy as np
 import pytest
 import rosbag
-from gazebo_msgs.msg import ContactsState, ContactState
 from geometry_msgs.msg import PointStamped
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
@@ -18,6 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from synthetic import log_message, signals, write_run
 
+from gazebo_msgs.msg import ContactsState, ContactState
 from hric_bags.health.examine import examine
 from hric_core.command import main
 from hric_core.robot_time.stamps import to_time

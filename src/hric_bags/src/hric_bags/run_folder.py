@@ -220,7 +220,7 @@ class RunFolder:
 
     @contextmanager
     def filled(self) -> Iterator[None]:
-        """Guard the execution of a run: how it ends by an error or Ctrl-C is noted in run.yaml; an error is a failure."""
+        """Guard the execution of a run: Ctrl-C or an error in the block, which counts as a failure, ends it in run.yaml."""
         try:
             with failing():
                 yield
