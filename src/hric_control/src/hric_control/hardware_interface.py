@@ -144,11 +144,11 @@ class JointStateGroup:
 
     def positions(self) -> list[float]:
         """Return the joint position as n plain floats [rad or m], for control laws that save microseconds."""
-        return self._take(self._states.position)
+        return self._states.position[:] if self._all_in_order else self._take(self._states.position)
 
     def velocities(self) -> list[float]:
         """Return the joint velocity as n plain floats [rad/s or m/s]."""
-        return self._take(self._states.velocity)
+        return self._states.velocity[:] if self._all_in_order else self._take(self._states.velocity)
 
     def efforts(self) -> list[float]:
         """Return the measured joint effort as n plain floats [N m or N]."""

@@ -58,26 +58,6 @@ static inline void compose(const Pose *parent, const double R[9], const double p
         child->p[i] += parent->p[i];
 }
 
-/* Unit quaternion (x, y, z, w) of a rotation, by its largest component (Shepperd 1978). */
-static inline void quaternion(const double R[9], double q[4])
-{
-    const double diagonal[4] = {1.0 + R[0] - R[4] - R[8], 1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8],
-                                1.0 + R[0] + R[4] + R[8]};
-    const double rows[4][4] = {{diagonal[0], R[3] + R[1], R[2] + R[6], R[7] - R[5]},
-                               {R[3] + R[1], diagonal[1], R[7] + R[5], R[2] - R[6]},
-                               {R[2] + R[6], R[7] + R[5], diagonal[2], R[3] - R[1]},
-                               {R[7] - R[5], R[2] - R[6], R[3] - R[1], diagonal[3]}};
-    int largest = 3;
-    double square = 0.0;
-    for (int k = 0; k < 3; k++)
-        if (diagonal[k] > diagonal[largest])
-            largest = k;
-    for (int k = 0; k < 4; k++)
-        square += rows[largest][k] * rows[largest][k];
-    for (int k = 0; k < 4; k++)
-        q[k] = rows[largest][k] / sqrt(square);
-}
-
 /* Add a rigid body to `sum`, by the parallel-axis theorem. (R, p) is the pose of the body's frame in the world; com is
  * the centre of mass in that frame, I the inertia about the centre of mass in the axes of that frame. */
 static inline void add_body(const double R[9], const double p[3], double m, const double com[3], const double I[9],

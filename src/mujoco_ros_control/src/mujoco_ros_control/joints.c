@@ -166,13 +166,19 @@ static PyObject *joints_put(Joints *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
+/* Apply the efforts of the motors in the coming step. */
+static void apply(Joints *self)
+{
+    for (int i = 0; i < self->n; i++)
+        self->data->qfrc_applied[self->dof[i]] = self->effort[i] - self->hold[i];
+    gather(self->data->qvel, self->dof, self->n, self->before);
+}
+
 static PyObject *joints_write(Joints *self, PyObject *efforts)
 {
     if (!take(efforts, self->n, self->effort))
         return NULL;
-    for (int i = 0; i < self->n; i++)
-        self->data->qfrc_applied[self->dof[i]] = self->effort[i] - self->hold[i];
-    gather(self->data->qvel, self->dof, self->n, self->before);
+    apply(self);
     Py_RETURN_NONE;
 }
 
@@ -187,10 +193,9 @@ static PyObject *joints_write_within(Joints *self, PyObject *const *given, Py_ss
         if (!(low[i] <= q && q <= high[i]))
             Py_RETURN_FALSE;
     }
-    PyObject *done = joints_write(self, given[0]);
-    if (done == NULL)
+    if (!take(given[0], self->n, self->effort))
         return NULL;
-    Py_DECREF(done);
+    apply(self);
     Py_RETURN_TRUE;
 }
 
@@ -228,9 +233,8 @@ static int search(const Joints *self, int off)
 }
 
 /* First part of mj_step: positions and velocities of all bodies. Afterwards forces may be applied to the bodies. */
-static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
+static void prepare(Joints *self)
 {
-    PyThreadState *interpreter = PyEval_SaveThread();
     grip(self);
     const int clear = begins_clear(&self->clearance, self->model, self->data), flags = search(self, clear);
     call(self, POSITION);
@@ -238,6 +242,12 @@ static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
     self->model->opt.disableflags = flags;
     if (!clear)
         renew_clearance(&self->clearance, self->model, self->data);
+}
+
+static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
+{
+    PyThreadState *interpreter = PyEval_SaveThread();
+    prepare(self);
     PyEval_RestoreThread(interpreter);
     Py_RETURN_NONE;
 }
@@ -276,20 +286,22 @@ static PyObject *joints_integrate(Joints *self, PyObject *Py_UNUSED(nothing))
     Py_RETURN_NONE;
 }
 
-static PyObject *joints_finish(Joints *self, PyObject *efforts)
+static PyObject *joints_finish(Joints *self, PyObject *const *given, Py_ssize_t count)
 {
-    PyObject *done = joints_write(self, efforts);
-    if (done == NULL)
+    if (!expect(count, 2, "finish(efforts, prepared)") || !take(given[0], self->n, self->effort))
         return NULL;
-    Py_DECREF(done);
+    const int prepared = given[1] == Py_True;
     PyThreadState *interpreter = PyEval_SaveThread();
+    if (!prepared)
+        prepare(self);
+    apply(self);
     accelerate(self);
     integrate(self);
     PyEval_RestoreThread(interpreter);
     gather(self->data->qpos, self->position, self->n, self->q);
     gather(self->data->qvel, self->dof, self->n, self->dq);
     PyObject *q = list(self->q, self->n);
-    return Py_BuildValue("NNNNO", q, list(self->dq, self->n), measured(self, q), joints_passed(self, efforts),
+    return Py_BuildValue("NNNNO", q, list(self->dq, self->n), measured(self, q), joints_passed(self, given[0]),
                          is_quiet(self) ? Py_True : Py_False);
 }
 
@@ -426,8 +438,9 @@ static PyMethodDef joints_methods[] = {
     {"accelerate", (PyCFunction)joints_accelerate, METH_NOARGS, "(): compute accelerations, after `prepare`"},
     {"integrate", (PyCFunction)joints_integrate, METH_NOARGS, "(): complete the step, after `accelerate`"},
     {"prepare", (PyCFunction)joints_prepare, METH_NOARGS, "(): begin a step, update positions and velocities"},
-    {"finish", (PyCFunction)joints_finish, METH_O,
-     "(efforts): complete a prepared step -> q, dq, q at the measuring instant, link-side efforts, True if all is "
+    {"finish", FAST(joints_finish),
+     "(efforts, prepared): make a step, or complete a prepared one -> q, dq, q at the measuring instant, link-side "
+     "efforts, True if all is "
      "finite and slow"},
     {0}};
 

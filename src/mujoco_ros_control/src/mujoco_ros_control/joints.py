@@ -73,8 +73,10 @@ class Joints(Protocol):
     def integrate(self) -> None:
         """Complete the step, after `accelerate`."""
 
-    def finish(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
-        """Complete the prepared step with these motor efforts [N m or N], and return the new state.
+    def finish(
+        self, efforts: Vector, prepared: bool, /
+    ) -> tuple[list[float], list[float], list[float], list[float], bool]:
+        """Make a step with these motor efforts [N m or N], or complete the prepared one, and return the new state.
 
         Returns:
             MuJoCo's positions and velocities, positions at the measuring instant, efforts on the link side of the

@@ -49,9 +49,10 @@ class MujocoPlant(EnginePlant, ReactingPlant):
 
     def step(self) -> None:
         """Advance the simulation by `time_step`."""
-        pushing = self.world.acts or bool(self.world.wrenches.active)
+        world = self.world
+        pushing = world.acts or bool(world.wrenches.active)
         if self._pushed:
-            self.world.scene.d.xfrc_applied[:] = 0.0
+            world.scene.d.xfrc_applied[:] = 0.0
         self.robot.step(self._values, self._push if pushing else None)
         self._pushed = pushing
 

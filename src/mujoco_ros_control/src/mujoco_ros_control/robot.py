@@ -117,10 +117,10 @@ class MujocoRobot(EngineRobot):
             self._in_stages(values, push)
             quiet = False
         else:
-            self._engine.prepare()
             if push is not None:
+                self._engine.prepare()
                 push()
-            self.q, self.dq, self.at, self.effort, quiet = self._engine.finish(values)
+            self.q, self.dq, self.at, self.effort, quiet = self._engine.finish(values, push is not None)
         self.stepped = True
         self._check_state(quiet=quiet)
 

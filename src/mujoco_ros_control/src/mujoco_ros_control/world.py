@@ -29,6 +29,7 @@ class MujocoWorld(Models[MujocoModelJoints]):
         scene: present compiled scene.
         penalty: penalty contact.
         bushings: bushings between links.
+        acts: True if the world applies any forces: drives of models, penalty contact or bushings.
     """
 
     bushings: SceneBushings
@@ -88,7 +89,7 @@ class MujocoWorld(Models[MujocoModelJoints]):
         for model in models:
             self.joints[model.name].begin()
         self._acting = [joints for joints in self.joints.values() if joints.losses]
-        self.bushings.bind(self.scene)
+        self.bind_connected()
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
         states = self.scene.states()
@@ -136,11 +137,6 @@ class MujocoWorld(Models[MujocoModelJoints]):
         """Clear contacts and the state of contact springs, after bodies were repositioned."""
         self.penalty.forget()
 
-    @property
-    def acts(self) -> bool:
-        """True if the world applies any forces: drives of models, penalty contact or bushings."""
-        return bool(self._acting) or self.penalty.any or self.bushings.any
-
     def act(self) -> None:
         """Apply drives and stops of models, penalty contact and bushings in the coming step, from the present state."""
         for joints in self._acting:
@@ -153,3 +149,4 @@ class MujocoWorld(Models[MujocoModelJoints]):
     def bind_connected(self) -> None:
         """Find the links of the bushings again, after bushings were added or removed."""
         self.bushings.bind(self.scene)
+        self.acts = bool(self._acting) or self.penalty.any or self.bushings.any

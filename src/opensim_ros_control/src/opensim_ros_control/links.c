@@ -1,5 +1,6 @@
 /* Compiled part of bushings.py: motion of links in OpenSim's memory, and forces between two of them. */
 #include "hric_core/python_numbers.h"
+#include "hric_core/quaternions.h"
 
 enum { NUMBERS = 12 }; /* rotation, row-major, and origin of a link in its body */
 
@@ -43,7 +44,7 @@ static PyObject *motion(const Links *self, const Link *link)
     add_cross(link->rate, lever, linear);
     multiply(self->R_world_ground, R_ground_body, R_world_body);
     multiply(R_world_body, link->at, R);
-    quaternion(R, q);
+    from_elements(R, q);
     rotate(self->R_world_ground, origin, p);
     rotate(self->R_world_ground, linear, v);
     rotate(self->R_world_ground, link->rate, w);

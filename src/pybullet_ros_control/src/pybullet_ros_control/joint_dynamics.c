@@ -1,4 +1,5 @@
 /* Compiled part of joint_dynamics.py, which explains the equations: forward dynamics of one robot, on Python lists. */
+#include "hric_core/quaternions.h"
 #include "hric_dynamics/factors.h"
 #include "hric_dynamics/friction.h"
 #include "hric_dynamics/tree.h"
@@ -430,7 +431,7 @@ static PyObject *dynamics_motion(Dynamics *self, PyObject *const *given, Py_ssiz
             v.v[k] += self->tree.S[i].v[k] * dq[i];
         }
     add_cross(v.w, link.p, v.v); /* from the velocity at the world's origin to that at the frame's origin */
-    quaternion(link.R, o);
+    from_elements(link.R, o);
     return Py_BuildValue("(ddd)(dddd)(ddd)(ddd)", link.p[0], link.p[1], link.p[2], o[0], o[1], o[2], o[3], v.v[0],
                          v.v[1], v.v[2], v.w[0], v.w[1], v.w[2]);
 }

@@ -290,7 +290,8 @@ class ControlBox(ConfiguredBox):
     def _move(self, command: MotionCommand | None) -> list[float]:
         packets, state = self._packets, self.state
         if command is not None:
-            packets.accept()
+            if not packets.complete:
+                packets.accept()
         elif not packets.started:
             return self.joint_impedance.torque(state)
         elif not self._run.asynchronous and self._lost_too_many():

@@ -41,7 +41,7 @@ class Divergence:
 
     Attributes:
         quiet: speed up to which none of the joints has diverged [rad/s or m/s].
-        steps: number of checked steps.
+        steps: number of checked steps, and of those that needed no check.
     """
 
     def __init__(
@@ -53,13 +53,14 @@ class Divergence:
         self.quiet = min(self._bounds, default=math.inf)
         self._time_step, self.steps = time_step, 0
 
-    def check(self, q: Sequence[float], dq: Sequence[float], *, quiet: bool = False) -> None:
+    def check(self, q: Sequence[float], dq: Sequence[float]) -> None:
         """Check the joint state; to be called once after each step.
+
+        A step after which all is known to be finite and no faster than `quiet` needs no check, but counts in `steps`.
 
         Args:
             q: positions of all moving joints, n floats [rad or m].
             dq: velocities of all moving joints, n floats [rad/s or m/s].
-            quiet: True if the values are known to be finite and no joint is faster than the attribute `quiet`.
 
         Raises:
             DivergedError: a joint's position or velocity is not finite, or its speed is beyond its bound.
@@ -67,7 +68,7 @@ class Divergence:
         self.steps += 1
         # A norm is NaN or infinite if an element is, and no joint is faster than the norm: so the check of every
         # single joint is rarely needed.
-        if not (quiet or (math.hypot(*dq) <= self.quiet and math.hypot(*q) < math.inf)):
+        if not (math.hypot(*dq) <= self.quiet and math.hypot(*q) < math.inf):
             self._look(q, dq)
 
     def check_efforts(self, efforts: Sequence[float]) -> None:

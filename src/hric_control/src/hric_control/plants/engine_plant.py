@@ -78,8 +78,11 @@ class EnginePlant(DrivenPlant, Articulated):
         With the semi-implicit integrator, q is the position at the end of the step and dq the velocity at its middle;
         q - dt dq/2 is the position at the instant of dq.
         """
-        robot = self.robot
-        robot.joints.read((robot.at, robot.dq, robot.effort), q, dq, tau)
+        robot, joints = self.robot, self.robot.joints
+        if joints.straight:
+            q[:], dq[:], tau[:] = robot.at, robot.dq, robot.effort
+        else:
+            q[:], dq[:], tau[:] = map(joints.pick, (robot.at, robot.dq, robot.effort))
 
     def motor_effort(self) -> list[float]:
         """Return the motor efforts of the last step, n floats [N m]."""

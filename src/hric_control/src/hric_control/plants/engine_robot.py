@@ -102,6 +102,9 @@ class EngineRobot(ABC):
         Raises:
             DivergedError: a joint's state is not finite, or its speed is beyond its bound.
         """
-        self._divergence.check(self.q, self.dq, quiet=quiet)
+        if quiet:
+            self._divergence.steps += 1
+        else:
+            self._divergence.check(self.q, self.dq)
         if self.stops.waiting:
             self._send_stops(self.stops.check(self.q))

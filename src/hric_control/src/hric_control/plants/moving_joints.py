@@ -106,26 +106,6 @@ class MovingJoints:
         """Return the values of the actuated joints, from values of all moving joints."""
         return [values[i] for i in self.user]
 
-    def read(
-        self,
-        state: tuple[Sequence[float], Sequence[float], Sequence[float]],
-        q: list[float],
-        dq: list[float],
-        tau: list[float],
-    ) -> None:
-        """Write position, velocity and effort of the actuated joints to q, dq and tau.
-
-        Args:
-            state: positions, velocities and efforts of all moving joints.
-            q: positions of the actuated joints, written in place [rad or m].
-            dq: velocities of the actuated joints, written in place [rad/s or m/s].
-            tau: efforts of the actuated joints, written in place [N m or N].
-        """
-        if self.straight:
-            q[:], dq[:], tau[:] = state
-        else:
-            q[:], dq[:], tau[:] = map(self.pick, state)
-
     def start(self, q: Sequence[float], dq: Sequence[float], now: Sequence[float]) -> tuple[list[float], list[float]]:
         """Return positions and velocities of all moving joints [rad or m, rad/s or m/s] for a given state.
 

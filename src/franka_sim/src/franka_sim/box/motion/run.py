@@ -123,9 +123,9 @@ class MotionRun:
         if self._law is not None:
             return self._law.torque(self._state), NO_ERRORS
         before = self._state.tau_J_d
-        return (before[:], NO_ERRORS) if command is None else self._external(command.tau, before)
-
-    def _external(self, desired: list[float], before: list[float]) -> tuple[list[float], Errors]:
+        if command is None:
+            return before[:], NO_ERRORS
+        desired = command.tau
         wrong = self._checks.errors(desired, before)
         if wrong:
             if self._config.reflexes or not all(map(isfinite, desired)):
@@ -139,7 +139,7 @@ class MotionRun:
     def _generate(self, command: MotionCommand | None) -> Errors:
         """Advance the desired motion by one cycle."""
         state, generator = self._state, self._generator
-        if self._still and self._stays(command):
+        if self._still and (generator is None or self._stays(generator, command)):
             state.q_d[:] = state.q
             state.desired_changed()
             return self._start_errors
@@ -153,11 +153,11 @@ class MotionRun:
             return NO_ERRORS
         return wrong
 
-    def _stays(self, command: MotionCommand | None) -> bool:
+    def _stays(self, generator: MotionGenerator, command: MotionCommand | None) -> bool:
         """Return True while a generator under torque control gets zero commands; the first other one activates it."""
-        self._still = self._generator is None or command is None or not any(command.dq)
-        if not self._still and self._generator is not None:
-            self._start_errors = self._start_errors or self._generator.start(self._state)
+        self._still = command is None or not any(command.dq)
+        if not self._still:
+            self._start_errors = self._start_errors or generator.start(self._state)
         return self._still
 
 
@@ -244,6 +244,7 @@ class PacketCount:
     Attributes:
         started: True after the motion's first command.
         lost_in_a_row: packets lost since the last command.
+        complete: True if each of the last `window` cycles had a command; another one then changes nothing.
         success_rate: fraction of the last `window` cycles (of all so far, if fewer) that had a command, 0 to 1; 0
             before the first command.
     """
@@ -255,13 +256,12 @@ class PacketCount:
     def reset(self) -> None:
         """Reset the counts at the start or end of a motion."""
         self.started, self.lost_in_a_row, self.success_rate = False, 0, 0.0
-        self._history, self._cycles, self._all = 0, 0, False
+        self._history, self._cycles, self.complete = 0, 0, False
 
     def accept(self) -> None:
         """Count a command that came in time."""
         self.started, self.lost_in_a_row = True, 0
-        if not self._all:
-            self._count(1)
+        self._count(1)
 
     def lose(self) -> None:
         """Count a cycle without a command."""
@@ -274,4 +274,4 @@ class PacketCount:
         self._cycles = min(self._cycles + 1, self._window)
         good = self._history.bit_count()
         self.success_rate = good / self._cycles
-        self._all = good == self._window
+        self.complete = good == self._window
