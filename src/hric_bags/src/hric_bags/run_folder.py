@@ -220,7 +220,7 @@ class RunFolder:
 
     @contextmanager
     def filled(self) -> Iterator[None]:
-        """Guard the execution of a run: Ctrl-C or an error in the block, which counts as a failure, ends it in run.yaml."""
+        """Guard the execution of a run: Ctrl-C, or an error, which counts as a failure, is noted in run.yaml."""
         try:
             with failing():
                 yield
