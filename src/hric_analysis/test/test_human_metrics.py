@@ -145,6 +145,11 @@ def test_a_run_that_ends_too_early_is_not_judged() -> None:
     assert metrics(record([grip()], events=[STARTED, late])).settling is None
 
 
+def test_a_run_of_one_cycle_has_no_motion_of_a_person(tmp_path: Path) -> None:
+    definition = experiment.load("hand_guidance", ["duration:=0.001"])
+    assert runner.run(definition, root=tmp_path, progress=False, figures=False).metrics.get("human") is None
+
+
 def test_a_handover_is_from_who_closed_first_and_lasts_while_both_hold() -> None:
     giver, taker = (
         grip("robot", (0.0, 4.0)),

@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from synthetic import log_message, signals, write_run
 
+from gazebo_msgs.msg import ContactsState, ContactState
 from hric_bags.health.examine import examine
 from hric_core.command import main
 from hric_core.robot_time.stamps import to_time
@@ -109,6 +110,29 @@ def test_contacts_are_sent_less_often_while_nothing_touches(tmp_path: Path, hole
 
 def test_events_have_no_gaps(tmp_path: Path) -> None:
     assert findings(points(tmp_path / "a.bag", np.cumsum(np.random.default_rng(3).exponential(1.0, 100)))) == ""
+
+
+def contacts(path: Path, times: Any, touching: Any) -> Path:
+    """Write a bag with contacts of bodies, which are published while there are any, and once after the last one."""
+    with BagWriter(path) as bag:
+        for time, touches in zip(times, touching, strict=True):
+            message = ContactsState(states=[ContactState(info="rigid contact of a on b")] * int(touches))
+            message.header.frame_id, message.header.stamp = "world", to_time(float(time))
+            bag.write("/sim/contacts", message, float(time))
+    return path
+
+
+TOUCHES = np.concatenate([np.arange(30) * 0.01, 2.0 + np.arange(30) * 0.01])
+
+
+def test_a_pause_while_nothing_touches_is_no_gap(tmp_path: Path) -> None:
+    assert findings(contacts(tmp_path / "a.bag", TOUCHES, np.arange(60) % 30 < 29)) == ""
+
+
+def test_a_pause_during_a_contact_is_a_gap(tmp_path: Path) -> None:
+    assert "1 gap, the longest 1.710 s from 0.290 s on; the stream's period is 0.0100 s" in findings(
+        contacts(tmp_path / "a.bag", TOUCHES, np.arange(60) < 59)
+    )
 
 
 def test_stamps_out_of_order_are_reported(tmp_path: Path) -> None:

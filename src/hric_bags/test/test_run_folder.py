@@ -125,6 +125,14 @@ def test_a_failure_is_noted_also_where_there_is_no_room_for_it(tmp_path: Path) -
     assert folder.read()["status"] == "failed" and "cannot write" in folder.read()["error"]
 
 
+def test_ctrl_c_while_a_run_is_filled_ends_it_as_interrupted(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "pd_step")
+    folder.write({"status": "running"})
+    with pytest.raises(KeyboardInterrupt), folder.filled():
+        raise KeyboardInterrupt
+    assert folder.read()["status"] == "interrupted" and "error" not in folder.read()
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -104,6 +104,21 @@ def test_an_armed_recorder_begins_with_the_trigger_and_each_trigger_is_a_run(
 
 
 @rostest
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_ctrl_c_while_a_recording_begins_leaves_an_interrupted_run(
+    source: Source,  # noqa: F811
+    start: Callable[..., Node],  # noqa: F811
+    delay: float,
+) -> None:
+    node = start("_experiment:=pd_step")
+    until(lambda: any(node.runs.glob("pd_step_*")))
+    time.sleep(delay)
+    node.close()
+    (folder,) = node.runs.glob("pd_step_*")
+    assert RunFolder(folder).read()["status"] == "interrupted"
+    assert RunFolder(folder).read().get("reason") in (None, "ended before the recording began")
+
+
 def test_a_disk_without_room_is_refused_before_anything_is_made(source: Source, start: Callable[..., Node]) -> None:  # noqa: F811
     node = start("_min_free:=1e12")
     output = node.process.communicate(timeout=30)[0]

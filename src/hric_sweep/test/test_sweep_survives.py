@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import random
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -22,6 +23,7 @@ import test_sweep_adaptive as adaptive
 from in_process import Here, carried_out
 from pebble import ProcessExpired
 
+from hric_core.errors import FailureError
 from hric_sweep import definition, execution, table
 from hric_sweep.engines import pebble_engine
 from hric_sweep.engines.engine import Lost
@@ -137,6 +139,27 @@ def test_ctrl_c_keeps_what_ended_and_says_how_to_go_on(tmp_path: Path) -> None:
     assert process.returncode == 130, printed
     assert f"sweep --resume {folder}" in printed and "Traceback" not in printed
     assert table.read(folder).num_rows == ended(folder) < 400
+
+
+def test_ctrl_c_does_not_reach_a_worker_that_is_starting() -> None:
+    mask = "next(line.split()[1] for line in open('/proc/self/status') if line.startswith('SigBlk'))"
+    engine = PebbleEngine(1, 4e9)
+    try:
+        blocked = engine._pool.schedule(eval, args=(mask,), timeout=ENOUGH).result(ENOUGH)
+    finally:
+        engine.close(now=True)
+    assert int(blocked, 16) & 1 << (signal.SIGINT - 1)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_without_semaphores_the_error_names_what_the_workers_need() -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, before[1]))
+    try:
+        with pytest.raises(FailureError, match="semaphores, in /dev/shm, and pipes: Too many open files"):
+            PebbleEngine(1, 4e9)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 @pytest.mark.slow  # a worker begins four times

@@ -1,13 +1,15 @@
 """Files are written completely or not at all; an existing file stays until the new one is complete."""
 
+import signal
 from pathlib import Path
+from typing import Any
 
 import opensim
 import pytest
 from small_robots import BODY, link, one_joint, robot
 
 from hric_core.errors import DescriptionError
-from urdf_to_osim import Options, convert, prove, write
+from urdf_to_osim import Options, convert, geometry, prove, write
 
 FACES = "".join(
     "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {a} {b} {c}\n" for a, b, c in face) + "endloop\nendfacet\n"
@@ -89,3 +91,17 @@ def test_opensim_writes_no_log_file_into_the_working_folder(tmp_path: Path, monk
     monkeypatch.chdir(tmp_path)
     convert(one_joint()).model.initSystem()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_does_not_leave_a_mesh_with_two_owners(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    xml, options = with_mesh(tmp_path)
+    conversion, attach = convert(xml, options), geometry.attach
+
+    def interrupted(*arguments: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        attach(*arguments)
+
+    monkeypatch.setattr(geometry, "attach", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        geometry.lay(conversion, tmp_path / "Geometry")
+    assert conversion.attached.keys() == {shape.name for shape in conversion.meshes}

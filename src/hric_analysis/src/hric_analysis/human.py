@@ -53,7 +53,7 @@ class SimulatedPerson:
 
 
 def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) -> SimulatedPerson | None:
-    """Read and analyse the data of a run's simulated human; None: there was no human.
+    """Read and analyse the data of a run's simulated human; None: no human, or one sample only.
 
     Args:
         bag: bag of the run.
@@ -63,7 +63,7 @@ def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) 
     """
     definition = run.get("definition") or {}
     recorded = None if definition.get("human") is None else read(bag, record.robot_time)
-    if recorded is None:
+    if recorded is None or len(recorded.time) < 2:
         return None
     contacts = tuple(expected_contacts(run, description, record, recorded))
     return SimulatedPerson(recorded, contacts, transports_in(recorded, definition))

@@ -220,10 +220,14 @@ class RunFolder:
 
     @contextmanager
     def filled(self) -> Iterator[None]:
-        """Guard the execution of a run: any error in the block counts as a failure, and is noted in run.yaml."""
+        """Guard the execution of a run: Ctrl-C, or an error, which counts as a failure, is noted in run.yaml."""
         try:
             with failing():
                 yield
+        except KeyboardInterrupt:
+            with suppress(HricError, OSError):
+                self.update(status=INTERRUPTED, finished=iso_now())
+            raise
         except BaseException as error:
             with suppress(HricError, OSError):  # disk full: the next reader notes the end of the run
                 self.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")

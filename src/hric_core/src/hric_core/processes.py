@@ -57,6 +57,26 @@ def quiet_collector() -> Iterator[None]:
         gc.set_threshold(*thresholds)
 
 
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Delay Ctrl-C and SIGTERM to the end of the block, which leaves something half-made otherwise."""
+    if threading.current_thread() is not threading.main_thread():  # only the main thread receives signals
+        yield
+        return
+    held: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _: held.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for caught in held:
+            signal.raise_signal(caught)
+
+
 def end_with_parent(number: signal.Signals) -> Callable[[], object]:
     """Return a `preexec_fn` for subprocess.Popen that sends the child a signal when the thread that started it ends.
 

@@ -18,6 +18,7 @@ from hric_bags.run_file import RunFile, RunNotes
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
 from hric_bags.text import Steps
 from hric_core.errors import HricError, failing
+from hric_core.processes import uninterrupted
 from hric_report.run import FIGURE_STEPS, STEPS, analyse
 from hric_run import provenance
 from hric_run.bag_writer import BagWriter
@@ -63,14 +64,15 @@ def run(
         HricError: the experiment is invalid, and no folder was created; or the run failed: then run.yaml has its
             status, and the `exit_code` of the error is FAILURE.
     """
-    with Simulation(definition, seed=seed) as simulation:
-        folder = RunFolder.create(root, definition.name)
+    with Simulation(definition, seed=seed) as simulation, contextlib.ExitStack() as until_recorded:
         tree, limits = simulation.tree, simulation.limits
         entries: RunFile = {"mode": "headless", "seed": seed, "limits": limits}
-        folder.write(provenance.head(folder, definition, arguments, tree, entries))
-        with folder.filled():
-            files.write_text(folder.urdf_path, tree["robot_description"])
-            messages, interrupted = _record(simulation, folder, progress)
+        with uninterrupted():  # a run folder has a run.yaml with its status
+            folder = RunFolder.create(root, definition.name)
+            folder.write(provenance.head(folder, definition, arguments, tree, entries))
+            until_recorded.enter_context(folder.filled())
+        files.write_text(folder.urdf_path, tree["robot_description"])
+        messages, interrupted = _record(simulation, folder, progress)
     with failing(), contextlib.closing(Steps(STEPS + FIGURE_STEPS * figures)) as step:
         shown = step if progress and sys.stderr.isatty() else str
         metrics = analyse(folder, figures=figures, step=shown, known=messages)

@@ -1,14 +1,12 @@
 """Execution of tasks by an engine, with a journal; tasks whose worker died or timed out are tried again."""
 
-import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
 from dataclasses import replace
 from queue import SimpleQueue
 
+from hric_core.processes import uninterrupted
 from hric_sweep.engines.engine import Died, SweepEngine, TimedOut, arrived
 from hric_sweep.journal import Journal
 from hric_sweep.records import RunResponse, RunTask
@@ -54,32 +52,12 @@ def execute(
         if task.id in known:
             end(task, known[task.id])
     for pairs in _executed([task for task in tasks if task.index not in responses], engine, on_check):
-        with _uninterrupted():
+        with uninterrupted():  # the journal and the table then contain the same runs
             if journal is not None:
                 journal.append([response for _, response in pairs])
             for task, response in pairs:
                 end(task, response)
     return [responses[task.index] for task in tasks]
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Delay Ctrl-C and SIGTERM to the end of the block, so that the journal and the table contain the same runs."""
-    if threading.current_thread() is not threading.main_thread():  # only the main thread receives signals
-        yield
-        return
-    held: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, _: held.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for caught in held:
-            signal.raise_signal(caught)
 
 
 def _executed(

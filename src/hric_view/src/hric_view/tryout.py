@@ -4,7 +4,6 @@ It runs headless in a worker process, which is reused so that nothing is loaded 
 `hric assess`.
 """
 
-import os
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import TimeoutError as FutureTimeoutError
@@ -13,7 +12,7 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
 
-from pebble import ProcessExpired, ProcessPool
+from pebble import ProcessExpired
 
 from hric_analysis.human import SimulatedPerson
 from hric_assessment.verdict.assess import assess
@@ -23,7 +22,7 @@ from hric_report.html.human_and_objects import simulated_person
 from hric_report.html.scene import SceneRobot, joint_track
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
-from hric_sweep.engines.pebble_engine import WorkerContext, begin_worker
+from hric_sweep.engines.pebble_engine import worker_pool
 from hric_sweep.observed import Observations, Observed
 from hric_sweep.outputs import IMPACT
 from hric_sweep.task import reason
@@ -164,7 +163,7 @@ class Tryout:
 
     def __init__(self, execute: Callable[[Mapping[str, float]], str] = run, timeout: float = TIMEOUT) -> None:
         self._execute, self._timeout, self._renewing = execute, timeout, threading.Lock()
-        self._pool = _pool()
+        self._pool = worker_pool(1, MEMORY)
         self._kept = lru_cache(maxsize=16)(self._run)
 
     def result(self, values: Mapping[str, Any]) -> str:
@@ -188,7 +187,7 @@ class Tryout:
     def _run(self, values: tuple[tuple[str, float], ...]) -> str:
         with self._renewing:
             if not self.alive:  # its process has died between two runs
-                self._pool = _pool()
+                self._pool = worker_pool(1, MEMORY)
         try:
             message: str = self._pool.schedule(self._execute, (dict(values),), timeout=self._timeout).result()
         except FutureTimeoutError:
@@ -202,9 +201,3 @@ class Tryout:
         except Exception as error:  # it ends this run, not the page
             raise FailureError(f"the run failed because of a programming error: {reason(error)}") from error
         return message
-
-
-def _pool() -> ProcessPool:
-    """Return a pool of one worker process, which ends when this process ends."""
-    initial = (os.getpid(), MEMORY)
-    return ProcessPool(max_workers=1, context=WorkerContext(), initializer=begin_worker, initargs=initial)

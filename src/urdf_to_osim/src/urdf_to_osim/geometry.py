@@ -10,6 +10,7 @@ import opensim
 
 from hric_core.errors import DescriptionError
 from hric_core.kept import write_whole
+from hric_core.processes import uninterrupted
 from urdf_to_osim import transforms
 from urdf_to_osim.converter import Conversion
 from urdf_to_osim.meshes import MeshRequest, convert_meshes
@@ -64,7 +65,9 @@ def refer(conversion: Conversion, folder: Path | None) -> None:
         DescriptionError: a surface for contact is not closed; names the link.
     """
     if not conversion.attached:
-        with transforms.quiet():  # a mesh logs that it has no model yet
+        # A mesh logs that it has no model yet; an exception before OpenSim's Python code notes that the model owns the
+        # mesh would have both delete it.
+        with transforms.quiet(), uninterrupted():
             for shape in conversion.meshes:
                 conversion.attached[shape.name] = _add(conversion.model, shape, _file(conversion, shape, folder))
             conversion.model.finalizeConnections()

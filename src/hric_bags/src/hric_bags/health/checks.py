@@ -1,6 +1,5 @@
 """Checks of a bag for damage and for problems of its streams."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from hric_bags.health.bag_records import BagScan
 from hric_bags.health.streams import TopicStream
+from hric_core.geometry import FloatArray
 
 GAP_FACTOR = 3.0
 """Time between stamps of a regular stream that counts as a gap [median periods]; project default, unconfirmed."""
@@ -17,8 +17,6 @@ REGULAR_SHARE = 0.8
 """Share of periods that must be within 50 % of the median in a regular stream [1]; project default, unconfirmed."""
 MIN_MESSAGES = 20
 """Minimum number of messages of a regular stream; fewer count as events; project default, unconfirmed."""
-SPARSE = {"hric_msgs/RegionContacts": 0.05, "gazebo_msgs/ContactsState": math.inf}
-"""Period of types that are sent more often while bodies touch [s]; infinite: they are sent only then."""
 LATE, EARLY = 1.0, 0.1
 """Largest valid time by which a stamp is older (LATE) or younger (EARLY) than its recording [s].
 
@@ -49,11 +47,13 @@ class HealthFinding:
 
 def is_regular(stream: TopicStream) -> bool:
     """Return True if header stamps are evenly spaced; False for events, latched topics and topics without header."""
-    sparse = math.isinf(SPARSE.get(stream.type_name, 0.0))
-    if sparse or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
+    return stream.judged is not None and _are_even(np.diff(np.unique(stream.judged) * 1e-9))
+
+
+def _are_even(periods: FloatArray) -> bool:
+    if len(periods) < MIN_MESSAGES - 1:
         return False
-    periods = np.diff(np.unique(stream.judged) * 1e-9)
-    median = float(np.median(periods)) if len(periods) else 0.0
+    median = float(np.median(periods))
     return median > 0.0 and float(np.mean(np.abs(periods - median) < 0.5 * median)) >= REGULAR_SHARE
 
 
@@ -88,24 +88,25 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
     """Yield a text on gaps in the header stamps of a stream whose messages have no running number."""
     if stream.counts or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return
-    stamps = np.unique(stream.judged) * 1e-9
-    periods = np.diff(stamps)
+    stamps, first = np.unique(stream.judged, return_index=True)
+    periods, idle = np.diff(stamps * 1e-9), stream.idle[first][:-1]
     if not len(periods):
         yield f"all {len(stream.judged)} stamps are equal"
-    elif is_regular(stream):
-        median = float(np.median(periods))
-        gaps = np.flatnonzero(periods > longest_period(median, stream.type_name))
+    for mode in (idle, ~idle):
+        if not _are_even(periods[mode]):
+            continue
+        median = float(np.median(periods[mode]))
+        gaps = np.flatnonzero(mode & (periods > longest_period(median)))
         if len(gaps):
             longest = gaps[np.argmax(periods[gaps])]
             yield (
                 f"{len(gaps)} gap{'s' * (len(gaps) > 1)}, the longest {periods[longest]:.3f} s from "
-                f"{stamps[longest] - stamps[0]:.3f} s on; the stream's period is {median:.4f} s"
+                f"{(stamps[longest] - stamps[0]) * 1e-9:.3f} s on; the stream's period is {median:.4f} s"
             )
 
 
-def longest_period(median: float, kind: str) -> float:
-    """Return the longest time between two stamps that is not a gap [s]; median, kind: median period [s], type."""
-    period = max(median, SPARSE.get(kind, 0.0))
+def longest_period(period: float) -> float:
+    """Return the longest time between two stamps that is not a gap [s]; period: median period of the stream [s]."""
     return max(GAP_FACTOR * period, period + MIN_GAP)
 
 

@@ -58,7 +58,7 @@ def _seam(before: str, old: Sequence[TopicStream], after: str, new: Sequence[Top
             findings += [HealthFinding(PROBLEM, stream.topic, text) for text in _problems(stream, later[stream.topic])]
             continue
         rest = float(times[0].max() - stream.recorded.max()) * 1e-9
-        if checks.is_regular(stream) and rest <= checks.longest_period(stream.period, stream.type_name):
+        if checks.is_regular(stream) and rest <= checks.longest_period(stream.period):
             text = f"is not in {after}, although it went on to the end of {before}"
             notes.append(HealthFinding(NOTE, stream.topic, text))
     return Seam(before, after, overlap, findings + notes)
@@ -72,7 +72,9 @@ def _problems(before: TopicStream, after: TopicStream) -> Iterator[str]:
         yield f"{after.first - before.next} {before.counts} are missing between the parts, from number {before.next} on"
     elif before.counts and after.first < before.next and after.recorded.min() > before.recorded.max():
         yield f"the {before.counts} of both parts overlap in number but not in time: the source restarted"
-    elif not before.counts and before.stamps is not None and after.stamps is not None and checks.is_regular(before):
+    elif before.counts or before.idle[-1]:
+        return
+    elif before.stamps is not None and after.stamps is not None and checks.is_regular(before):
         gap = float(after.stamps.min() - before.stamps.max()) * 1e-9
-        if gap > checks.longest_period(before.period, before.type_name):
+        if gap > checks.longest_period(before.period):
             yield f"a gap of {gap:.3f} s between the parts; the stream's period is {before.period:.4f} s"

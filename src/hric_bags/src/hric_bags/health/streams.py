@@ -27,6 +27,9 @@ COUNTED: dict[str, tuple[str, Callable[[Any], tuple[int, int]]]] = {
     SYNCED: ("samples", lambda message: (int(message.header.seq), 1)),
 }
 """Message type with a running number -> unit that it counts, function from message to (first number, how many)."""
+PAUSING = {"gazebo_msgs/ContactsState", "hric_msgs/RegionContacts"}
+"""Message types with a list after the header; while it is empty, the source publishes less often or not at all."""
+_COUNT = struct.Struct("<I")
 _WRAP = 1 << 32
 """Number of values of a 32-bit counter, which wraps to 0; gaps of 64-bit counters are below half of this."""
 
@@ -42,6 +45,7 @@ class TopicStream:
         stamps: header stamps, shape (n,) [ns]; None: the type has no header.
         publishers: names of the publishing nodes in the order of their first messages; "": not in the bag.
         published_by: publisher of each message as an index into `publishers`, shape (n,).
+        idle: True for each message after which the source may pause (`PAUSING`), shape (n,).
         counts: unit of the running number, e.g. "samples"; "": messages have none.
         missing: running numbers that are not in the bag, as (first, how many).
         repeated: running numbers at which the count went back, by repeats or a restarted source, as (first, how many).
@@ -55,6 +59,7 @@ class TopicStream:
     stamps: IntArray | None
     publishers: tuple[str, ...]
     published_by: IntArray
+    idle: npt.NDArray[np.bool_]
     counts: str = ""
     missing: tuple[tuple[int, int], ...] = ()
     repeated: tuple[tuple[int, int], ...] = ()
@@ -88,6 +93,7 @@ class _Gathered:
     numbers: list[tuple[int, int]] = field(default_factory=list)
     publishers: dict[str, int] = field(default_factory=dict)
     published_by: list[int] = field(default_factory=list)
+    idle: list[bool] = field(default_factory=list)
 
     def stream(self) -> TopicStream:
         connection, numbers = self.connection, self.numbers
@@ -100,6 +106,7 @@ class _Gathered:
             np.array(self.stamps, dtype=np.int64) if len(self.stamps) == len(self.recorded) else None,
             tuple(self.publishers),
             np.array(self.published_by, dtype=np.int64),
+            np.array(self.idle, dtype=np.bool_),
             counts=COUNTED[connection.type_name][0] if connection.type_name in COUNTED else "",
             missing=missing,
             repeated=repeated,
@@ -123,6 +130,7 @@ class StreamGatherer:
             gathered = self._topics[connection.topic] = _Gathered(connection)
         gathered.recorded.append(time)
         gathered.published_by.append(gathered.publishers.setdefault(connection.caller, len(gathered.publishers)))
+        gathered.idle.append(connection.type_name in PAUSING and _has_empty_list(raw))
         if _has_header(connection) and len(raw) >= _STAMP.size:
             _, seconds, nanoseconds = _STAMP.unpack_from(raw)
             gathered.stamps.append(seconds * 1_000_000_000 + nanoseconds)
@@ -151,6 +159,13 @@ class StreamGatherer:
 def _has_header(connection: BagConnection) -> bool:
     lines = (line for line in connection.definition.splitlines() if line.strip() and not line.lstrip().startswith("#"))
     return _HEADER.match(next(lines, "")) is not None
+
+
+def _has_empty_list(raw: bytes) -> bool:
+    """Return True if the list after the header of a serialised message is empty."""
+    start = _STAMP.size + _COUNT.size  # of the header's last field, frame_id
+    start += _COUNT.unpack_from(raw, _STAMP.size)[0] if len(raw) >= start else 0
+    return len(raw) >= start + _COUNT.size and _COUNT.unpack_from(raw, start) == (0,)
 
 
 def _continuity(numbers: list[tuple[int, int]]) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:

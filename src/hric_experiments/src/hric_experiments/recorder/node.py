@@ -20,6 +20,7 @@ from hric_bags.files import MEGABYTE
 from hric_bags.run_file import RunFile, RunNotes
 from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
 from hric_core.errors import FailureError, HricError
+from hric_core.processes import uninterrupted
 from hric_core.ros import RosNode
 from hric_experiments.live import node as live_node
 from hric_experiments.live import topics as live_topics
@@ -96,10 +97,15 @@ class BagRecorder:
             )
         check_space(self._root, self._settings.min_free)
         name = FREE_RUN if self._free else self._definition.name
-        folder = RunFolder.create(self._root, name)
-        self._write_head(folder, name)
-        self._trouble, self._last = "", None
-        recording = self._recording = BagWriting(folder, self._start, self._unconnected)
+        tree, urdf, entries = self._parameters()
+        with uninterrupted():  # each run folder has a recording, which the shutdown ends
+            folder = RunFolder.create(self._root, name)
+            head = provenance.head(folder, self._definition, self._overrides, tree, entries)
+            folder.write({**head, "experiment": name})
+            if urdf:
+                files.write_text(folder.urdf_path, urdf)
+            self._trouble, self._last = "", None
+            recording = self._recording = BagWriting(folder, self._start, self._unconnected)
         try:
             recording.part.wait_open(OPEN_TIMEOUT, _shutting_down)
             folder.become_latest()
@@ -116,8 +122,8 @@ class BagRecorder:
             rospy.loginfo("recording into %s", folder.path)
         return folder.path
 
-    def _write_head(self, folder: RunFolder, name: str) -> None:
-        """Write run.yaml, with `name` as experiment, and the robot description to a run folder."""
+    def _parameters(self) -> tuple[dict[str, Any], str, RunFile]:
+        """Return all parameters, the robot description ("" if there is none) and the first entries of run.yaml."""
         namespace = rospy.get_namespace()
         tree = rospy.get_param(namespace.rstrip("/") or "/", {}) or {}
         # Robot description from the nearest parent namespace of this node; empty: there is none.
@@ -130,10 +136,7 @@ class BagRecorder:
             entries["subject"] = self._settings.subject
         if self._settings.notes:
             entries["notes"] = provenance.neutral(self._settings.notes)
-        head = provenance.head(folder, self._definition, self._overrides, tree, entries)
-        folder.write({**head, "experiment": name})
-        if urdf:
-            files.write_text(folder.urdf_path, urdf)
+        return tree, urdf, entries
 
     def _start(self, bag: Path, number: int) -> RecorderProcess:
         command = recorder_process.arguments(bag, self._topics, self._settings.exclude, self._listener(number))
@@ -297,8 +300,11 @@ class BagRecorder:
             path = self._last = recording.stop(timeout)
         except HricError as error:
             self._recording = None
-            recording.fail(f"{notes['error']}; {error}" if "error" in notes else str(error))
-            raise
+            if status != INTERRUPTED or recording.bag.exists() or recording.part.active.exists():
+                recording.fail(f"{notes['error']}; {error}" if "error" in notes else str(error))
+                raise
+            recording.finish(status, reason="ended before the recording began")
+            return recording.bag
         recording.finish(status, **notes)
         self._recording = (
             None  # reset last, so that after an interruption before this line `close` still closes the recording

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -59,7 +58,6 @@ def engine_session(
         HricError: options exclude each other, or the cluster is not reachable.
         Lost: the engine was lost, a worker differs, or the last runs could not be stored; earlier runs are stored.
     """
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     engine, now = engine_of(options, memory, runs), True
     try:
         yield engine
@@ -73,7 +71,6 @@ def engine_session(
         raise Lost(f"{error}\n  finished runs are stored; resume with: {resume()}") from None
     finally:
         engine.close(now=now)
-        signal.signal(signal.SIGTERM, before)
 
 
 def resume_command(folder: Path | None) -> str:

@@ -10,12 +10,13 @@ from concurrent.futures import TimeoutError as Late
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing import get_context, resource_tracker
 from pathlib import Path
 from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
+from hric_core.errors import FailureError
 from hric_sweep import task as runs
 from hric_sweep.engines.engine import Died, Lost, TimedOut, same
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
@@ -38,24 +39,6 @@ milliseconds. Project default, unconfirmed."""
 _PR_SET_PDEATHSIG = 1
 
 
-class WorkerProcess(SpawnProcess):
-    """Process that Ctrl-C does not reach before `begin_worker`, as it imports its code."""
-
-    def start(self) -> None:
-        """Start the process, which inherits the blocked signal."""
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            super().start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-class WorkerContext(SpawnContext):
-    """Context of multiprocessing for pools of workers."""
-
-    Process = WorkerProcess
-
-
 class PebbleEngine:
     """Engine that executes runs in a pool of processes on this machine.
 
@@ -66,12 +49,7 @@ class PebbleEngine:
 
     def __init__(self, jobs: int, memory: float) -> None:
         self.workers, self.window = jobs, OPEN_EACH * jobs
-        self._pool = ProcessPool(
-            max_workers=jobs,
-            context=WorkerContext(),
-            initializer=begin_worker,
-            initargs=(os.getpid(), int(memory)),
-        )
+        self._pool = worker_pool(jobs, memory)
         self._manager = self._pool._pool_manager
         self._manager.task_manager.timeout = Patience().exhausted
         self._manager.find_expired_task = self._task_of
@@ -225,8 +203,29 @@ def _how(code: int | None) -> str:
     return f"exit code {code}"
 
 
+def worker_pool(jobs: int, memory: float) -> ProcessPool:
+    """Return a pool of `jobs` processes, which start at once; Ctrl-C does not reach them. See `begin_worker`.
+
+    Raises:
+        FailureError: the system refuses what the processes need.
+    """
+    initial = os.getpid(), int(memory)
+    pool = ProcessPool(max_workers=jobs, context=get_context("spawn"), initializer=begin_worker, initargs=initial)
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    try:
+        resource_tracker.ensure_running()  # it would remove the signal from the mask when it starts
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        _ = pool.active  # starts the workers, and the threads that replace them, all with this signal blocked
+    except OSError as error:
+        needs = "they need semaphores, in /dev/shm, and pipes"
+        raise FailureError(f"the processes of the runs cannot start, {needs}: {error.strerror}") from error
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    return pool
+
+
 def begin_worker(supervisor: int, memory: int) -> None:
-    """Prepare a worker process: it ends when its parent (the supervisor) ends, and Ctrl-C does not reach it.
+    """Prepare a worker process: it ends when its parent (the supervisor) ends, and is in its own process group.
 
     If memory runs out, the kernel kills this process before the supervisor.
 
