@@ -9,7 +9,6 @@ import export_bags
 import numpy as np
 import pytest
 import rosbag
-from gazebo_msgs.msg import ContactsState
 from geometry_msgs.msg import PointStamped
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
