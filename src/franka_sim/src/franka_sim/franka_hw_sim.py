@@ -6,6 +6,7 @@ from franka_hw_interface.arm_parameters import read_limits
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
+from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
@@ -132,7 +133,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         command = self._commands.limited_command(mode)
         command.finished = self._requested is not mode or self.halted
         self.plant.apply(box.write(command))
-        if not self.robot_state.moving:
+        if self.robot_state.robot_mode is not RobotMode.MOVE:
             self._end()
 
     def _end(self) -> None:

@@ -74,10 +74,15 @@ class Reflexes:
 
     def errors(self, state: BoxState) -> Errors:
         """Return the errors of the measured state, by libfranka's names; collisions are also marked in the state."""
-        speed = _quiet_speed(self._packed, state.q, state.dq, state.tau_ext_hat_filtered)
-        return self._moving_parts(state, speed) if speed >= 0.0 else self._look(state)
+        speed, bodies = _quiet_speed(self._packed, state.q, state.dq, state.tau_ext_hat_filtered), self._bodies
+        if not 0.0 <= speed <= self._speed:
+            speed = sum(map(mul, map(abs, state.dq), bodies.reach))
+            if wrong := self._look(state, speed):
+                return wrong
+        bodies.free -= speed * self._config.time_step
+        return NO_ERRORS if bodies.free > 0.0 or not bodies.too_near(state.q) else SELF_COLLISION
 
-    def _look(self, state: BoxState) -> Errors:
+    def _look(self, state: BoxState, speed: float) -> Errors:
         """Check each value after the screening: at least one is beyond its conservative bound."""
         q, tau = state.q, state.tau_ext_hat_filtered
         if not smaller(state.dq, self._velocity):  # comparisons with NaN are False
@@ -85,12 +90,8 @@ class Reflexes:
         if not within(q, self._lower, self._upper):
             return JOINT_POSITION
         collision = NO_ERRORS if sum(map(mul, tau, tau)) <= self._gate else self._collision(state)
-        return collision or self._moving_parts(state, sum(map(mul, map(abs, state.dq), self._bodies.reach)))
-
-    def _moving_parts(self, state: BoxState, speed: float) -> Errors:
-        if speed > self._speed and self._end_effector_speed(state) > self._speed:
-            return CARTESIAN_VELOCITY
-        return SELF_COLLISION if self._bodies.too_near(state.q, speed * self._config.time_step) else NO_ERRORS
+        too_fast = not collision and speed > self._speed and self._end_effector_speed(state) > self._speed
+        return CARTESIAN_VELOCITY if too_fast else collision
 
     def _end_effector_speed(self, state: BoxState) -> float:
         twist = state.model.zero_jacobian(FrankaFrame.END_EFFECTOR, state.q) @ state.dq

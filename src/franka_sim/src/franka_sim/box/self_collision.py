@@ -46,6 +46,10 @@ class SelfCollision:
     Args:
         model: model of the arm; the shape of the hand is included if the model has one.
         config: margin [m] and reach [m].
+
+    Attributes:
+        free: distance that any point can move until two links may be too near [m]; the user takes the way of each cycle
+            from it.
     """
 
     def __init__(self, model: KdlFrankaModel, config: BoxConfig) -> None:
@@ -60,7 +64,7 @@ class SelfCollision:
         radii = np.array([shape["radius"] for _, _, shape in capsules])
         self._radii = radii[self._first] + radii[self._second]
         self._names = [name for name, _, _ in capsules]
-        self._min_clearance, self._free = self._margin, 0.0
+        self._min_clearance, self.free = self._margin, 0.0
 
     def clearance(self, q: Sequence[float]) -> float:
         """Return the minimum distance [m] of two links without a common joint, negative inside; q: 7 floats [rad]."""
@@ -86,15 +90,12 @@ class SelfCollision:
         """Start a motion: links that are too near already may separate, but not approach."""
         clearance = self.clearance(q)
         self._min_clearance = min(self._margin, clearance - self._tolerance)
-        self._free = clearance - self._min_clearance
+        self.free = clearance - self._min_clearance
 
-    def too_near(self, q: Sequence[float], moved: float) -> bool:
-        """Return True if two links are nearer than the margin; moved: maximum path of any point since last call [m]."""
-        self._free -= moved
-        if self._free > 0.0:
-            return False
-        self._free = self.clearance(q) - self._min_clearance
-        return self._free < 0.0
+    def too_near(self, q: Sequence[float]) -> bool:
+        """Return True if two links are nearer than the margin; not needed while `free` is positive."""
+        self.free = self.clearance(q) - self._min_clearance
+        return self.free < 0.0
 
 
 def _shapes(hand: bool) -> dict[str, tuple[FrankaFrame | None, _Rows]]:

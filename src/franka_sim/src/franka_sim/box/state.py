@@ -155,8 +155,7 @@ class BoxState(RobotState):
 
     def desired_changed(self) -> None:
         """Invalidate the fields that were computed from the previous desired joint motion."""
-        if self.computed_at:
-            if self.tick not in self.computed_at.values():
-                self.computed_at.clear()  # all of them belong to earlier cycles
-            for name in _DESIRED:
-                self.computed_at.pop(name, None)
+        if self.tick not in self.computed_at.values():
+            self.computed_at.clear()  # all of them belong to earlier cycles
+        for name in _DESIRED:
+            self.computed_at.pop(name, None)

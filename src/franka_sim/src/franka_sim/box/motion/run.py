@@ -141,7 +141,8 @@ class MotionRun:
         state, generator = self._state, self._generator
         if self._still and (generator is None or self._stays(generator, command)):
             state.q_d[:] = state.q
-            state.desired_changed()
+            if state.computed_at:
+                state.desired_changed()
             return self._start_errors
         if generator is None:
             return NO_ERRORS
