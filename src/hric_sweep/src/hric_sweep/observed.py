@@ -22,12 +22,12 @@ from hric_bags.reader import (
     RunRecord,
 )
 from hric_bags.reader import read as read_record
-from hric_bags.records import contact_record, human_record, safety_record
+from hric_bags.records import contact_record, human_record
 from hric_bags.run_file import RunFile
 from hric_run import provenance
 from hric_run.definition.experiment import to_dict
 from hric_run.simulation import Simulation
-from hric_sweep.approaches.contact_events import ContactEvent, contact_events, impact, supervision
+from hric_sweep.approaches.contact_events import SUPERVISED, ContactEvent, contact_events, impact, supervision
 from hric_sweep.outputs import COLLABORATION, IMPACT, SUPERVISION, SWEEP_GROUPS
 from hric_sweep.records import PlainData
 
@@ -45,7 +45,7 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     "human": HUMAN,
     "contacts": (contact_record.CONTACTS_TYPE,),
     IMPACT: (*HUMAN, LOG_TYPE),
-    SUPERVISION: safety_record.TYPES,
+    SUPERVISION: SUPERVISED,
     COLLABORATION: (*HUMAN, LOG_TYPE),
 }
 """Message types that each group of metrics needs besides MOVED; a group that is not listed needs all types."""
@@ -153,7 +153,7 @@ class Observations(Mapping[str, object]):
 
     @cached_property
     def _supervision(self) -> PlainData | None:
-        return supervision(safety_record.read(self._bag, self._record.robot_time))
+        return supervision(self._bag, self._record.robot_time)
 
     @cached_property
     def _collaboration(self) -> PlainData | None:

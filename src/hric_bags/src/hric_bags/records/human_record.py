@@ -259,7 +259,7 @@ def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> Floa
 
 
 def _text(raw: bytes, begin: int) -> tuple[bytes, int]:
-    """Return a text of a serialised message, and its end; begin: where its length stands."""
+    """Return a text of a serialised message, and its end; begin: index of its length."""
     end = begin + 4 + int.from_bytes(raw[begin : begin + 4], "little")
     return bytes(raw[begin + 4 : end]), end
 

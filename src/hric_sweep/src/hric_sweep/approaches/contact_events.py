@@ -1,7 +1,7 @@
 """Contact events between person and robot: assessment results, with the state of the arm as each contact began."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 
@@ -11,8 +11,9 @@ from hric_analysis import supervised
 from hric_analysis.contacts import counted_share
 from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
 from hric_assessment.findings import Finding, Outcome
+from hric_bags.parts import Bag
 from hric_bags.reader import ControlRecord
-from hric_bags.records.safety_record import SafetyRecord
+from hric_bags.records import safety_record
 from hric_msgs.msg import RegionContacts
 from hric_run.simulation import Simulation
 from hric_supervisor.arm import ArmShape, ArmState
@@ -25,6 +26,8 @@ MOVING, STANDING_ARM, PUSHED = "moving", "standing", "pushed"
 """States of the arm as a contact begins; pushed: the arm stood still until an earlier contact moved it."""
 LONGEST = 2.0 * TRANSIENT_TIME
 """Longest time from the first touch to the end of a run [s]: twice the time after which a contact counts as a clamp."""
+SUPERVISED = safety_record.TYPES
+"""Message types of a supervisor's decisions."""
 CHUNK = 0.05
 """Robot time between two checks for the end of a run [s]."""
 
@@ -150,14 +153,19 @@ def _over(time: float, end: float, touches: Sequence[float]) -> bool:
     return time > touches[-1] + PARTED + CHUNK or time >= touches[0] + LONGEST
 
 
-def supervision(record: SafetyRecord | None) -> PlainData | None:
+def supervision(bag: Bag, robot_time: Callable[[float], float]) -> PlainData | None:
     """Summarise the decisions of the supervisor as in metrics.json; None: there are none.
+
+    Args:
+        bag: bag with messages of SUPERVISED.
+        robot_time: function that converts a stamp to robot time [s].
 
     Returns:
         separation: smallest distance between person and arm [m]; None: never known. violations: number of decisions
         while the arm moved nearer to the person than the protective distance. stopped and slowed: shares of the time
         [1].
     """
+    record = safety_record.read(bag, robot_time)
     if record is None or (values := supervised.metrics(record)) is None:
         return None
     return {
