@@ -21,7 +21,7 @@ from gazebo_msgs.msg import ContactsState, ContactState
 from hric_bags.health.examine import examine
 from hric_core.command import main
 from hric_core.robot_time.stamps import to_time
-from hric_msgs.msg import MocapData, RegionContacts, SampleChunk
+from hric_msgs.msg import MocapData, SampleChunk
 from hric_run.bag_writer import BagWriter
 
 
@@ -94,17 +94,6 @@ def test_a_gap_of_a_regular_stream_is_reported(tmp_path: Path) -> None:
     assert "1 gap, the longest 0.510 s from 0.990 s on" in findings(
         points(tmp_path / "a.bag", np.delete(stamps, range(100, 150)))
     )
-
-
-@pytest.mark.parametrize(("hole", "found"), [(0.05, ""), (0.4, "1 gap, the longest 0.400 s from 1.500 s on")])
-def test_contacts_are_sent_less_often_while_nothing_touches(tmp_path: Path, hole: float, found: str) -> None:
-    silent, touching = np.arange(0.0, 1.0, 0.05), np.arange(1.0, 1.5005, 0.001)
-    with BagWriter(tmp_path / "a.bag") as bag:
-        for at in np.concatenate([silent, touching, 1.5 + hole + silent]):
-            bag.write("/contacts", RegionContacts(header=Header(stamp=to_time(float(at)))), float(at))
-            if 1.0 <= at <= 1.2 or 1.4 <= at <= 1.5005:
-                bag.write("/sim/contacts", ContactsState(header=Header(stamp=to_time(float(at)))), float(at))
-    assert found in findings(tmp_path / "a.bag") and bool(found) == bool(findings(tmp_path / "a.bag"))
 
 
 def test_events_have_no_gaps(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from made_up import run_metrics
 from hric_analysis.comparison import JointDifference, SetpointDifference
 from hric_analysis.values import RunMetrics
 from hric_report import headline
-from hric_report.text import render
 
 
 def move(settled: float | None = 1.5) -> dict[str, Any]:
@@ -94,10 +93,3 @@ def test_a_comparison_says_how_far_the_runs_are_apart_where_it_is_most() -> None
     same = SetpointDifference(0, 0, 3, 0.0, 0.0, {"j1": JointDifference(0.0, 0.0, 0.0, 0.0)})
     assert headline.of_comparison("a", {"b": [same]})[0].meaning == "all positions of a and b are equal"
     assert found[0].meaning == "j4 after 2.291 s: a minus b"
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_the_table_of_one_setpoint_of_several_says_that_its_maxima_are_of_the_run(count: int) -> None:
-    moves = [{"time": float(k), "controller": "c", "joints": {"j": {}}} for k in range(count)]
-    written = render({}, run_metrics(setpoints=moves, joints={"j": {"velocity_peak": 1.0}}))
-    assert written.count("of the whole run") == (0 if count == 1 else 2)

@@ -237,7 +237,6 @@ def begin_worker(supervisor: int, memory: int) -> None:
     if os.getppid() != supervisor:  # the supervisor ended before the call above
         os._exit(1)
     os.setpgid(0, 0)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # pebble ignores it; processes of a run need it
     Path("/proc/self/oom_score_adj").write_text(str(FIRST_TO_GO))
     resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     runs.prepare()
