@@ -181,7 +181,7 @@ class Judge:
             np.add(terms.reaction, terms.stopping).tolist(),
             strict=True,
         ):
-            divisor = max(distance, TINY)
+            divisor = distance if distance > TINY else TINY  # also for a distance that is not a number
             separation = max(separation, total / divisor if distance > 0.0 else math.inf)
             stopping = max(stopping, robot / divisor)
         return separation, stopping
