@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,14 @@ import pytest
 from browser import Browser, installed
 from rosbags.highlevel import AnyReader
 
+from hric_analysis import supervised
 from hric_analysis.supervised import Latency, SupervisorEvent, SupervisorMetrics
+from hric_bags.records import safety_record
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
+from hric_report import headline, text
 from hric_report import html as report_html
 from hric_report.html.strip import LEFT, WIDTH
-from hric_report.text import violations
 from hric_run.definition import experiment
 
 NAME, END = "shared_workspace", 3.5
@@ -68,7 +71,21 @@ def test_a_watched_arm_violates_and_all_of_it_says_so(run: RunFolder, watched: R
 def test_a_motion_that_the_supervisor_does_not_judge_is_told() -> None:
     event = SupervisorEvent(0.2, "moved", "the arm must stand still, but something else moves it", 0.1, -0.4)
     seen = SupervisorMetrics("speed_and_separation", 1.0, 0.0, 0.0, 0.1, (), None, Latency(None, None), (event,))
-    assert violations(seen).endswith("except perhaps while something else than its controllers moved it")
+    assert text.violations(seen).endswith("except perhaps while something else than its controllers moved it")
+    assert [one.kind for one in headline._supervised(seen)] == [headline.PLAIN] * 2
+    assert headline._supervised(replace(seen, events=()))[1].kind == headline.GOOD
+
+
+def test_the_time_in_which_the_distance_was_not_known_is_told_beside_the_smallest(run: RunFolder) -> None:
+    record = safety_record.read(run.bag_path, lambda stamp: stamp)
+    assert record is not None
+    separation = record.separation.copy()
+    separation[: len(separation) // 4] = np.nan
+    found = supervised.metrics(replace(record, separation=separation))
+    assert found is not None and found.share_unknown == pytest.approx(0.25, abs=0.01)
+    told = f"m where it was known, not for {100.0 * found.share_unknown:.1f} % of the time"
+    assert told in text._supervisor(found)
+    assert "where it was known" not in (run.path / "summary.txt").read_text()
 
 
 def test_a_run_without_a_supervisor_has_nothing_of_it(run: RunFolder, tmp_path: Path) -> None:

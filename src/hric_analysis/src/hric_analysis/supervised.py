@@ -55,11 +55,12 @@ class SupervisorMetrics:
         mode: mode of the supervisor.
         share_stopped, share_slowed: shares of the time in which the arm was stopped, and slowed [1].
         scale_mean: mean of the requested speed scale [1].
-        separation_min: smallest distance between arm and person [m]; None: never known.
+        separation_min: smallest known distance between arm and person [m]; None: never known.
         violations: intervals in which the arm moved closer than the protective distance.
         margin_min_violated: smallest distance minus protective distance in these intervals [m]; None: there is none.
         latency: delay from a measured pose to the cycle that applied the request.
         events: events in the order of time.
+        share_unknown: share of the time in which the distance was not known [1]; None: an older record.
     """
 
     mode: str
@@ -71,6 +72,7 @@ class SupervisorMetrics:
     margin_min_violated: float | None
     latency: Latency
     events: tuple[SupervisorEvent, ...]
+    share_unknown: float | None = None
 
 
 def metrics(record: SafetyRecord | None) -> SupervisorMetrics | None:
@@ -91,6 +93,7 @@ def metrics(record: SafetyRecord | None) -> SupervisorMetrics | None:
             SupervisorEvent(event.time, event.kind, event.text, _known(event.separation), _known(event.margin))
             for event in record.events
         ),
+        record.share_unknown,
     )
 
 

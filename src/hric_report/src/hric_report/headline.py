@@ -120,7 +120,7 @@ def _supervised(values: SupervisorMetrics) -> list[KeyFigure]:
             "Closer than the protective distance",
             _count(len(values.violations), "time"),
             f"{text.violations(values).lower()}, {OF_MODEL}",
-            BAD if values.violations else GOOD,
+            BAD if values.violations else PLAIN if text.unjudged(values) else GOOD,
         ),
     ]
 

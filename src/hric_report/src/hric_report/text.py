@@ -186,12 +186,17 @@ UNJUDGED = {"moved": "something else than its controllers moved it", "fault": "a
 """Clause on the time after an event in which the supervisor judges no motion, by the kind of the event."""
 
 
+def unjudged(supervisor: SupervisorMetrics) -> str:
+    """Return a clause on the time in which the supervisor judged no motion; empty if there is none."""
+    kinds = {event.kind for event in supervisor.events}
+    return " or ".join(clause for kind, clause in UNJUDGED.items() if kind in kinds)
+
+
 def violations(supervisor: SupervisorMetrics) -> str:
     """Return a sentence on the time for which the arm moved closer to the person than the protective distance."""
     if not supervisor.violations:
-        kinds = {event.kind for event in supervisor.events}
-        unjudged = [clause for kind, clause in UNJUDGED.items() if kind in kinds]
-        unless = f", except perhaps while {' or '.join(unjudged)}" if unjudged else ""
+        time = unjudged(supervisor)
+        unless = f", except perhaps while {time}" if time else ""
         return f"the arm never moved closer than the protective distance{unless}"
     duration = sum(interval.end - interval.begin for interval in supervisor.violations)
     return (
@@ -203,6 +208,8 @@ def violations(supervisor: SupervisorMetrics) -> str:
 def _supervisor(supervisor: SupervisorMetrics) -> str:
     nearest, late = supervisor.separation_min, supervisor.latency
     distance = "distance not known" if nearest is None else f"smallest distance {nearest:.3f} m"
+    if nearest is not None and supervisor.share_unknown:
+        distance += f" where it was known, not for {100.0 * supervisor.share_unknown:.1f} % of the time"
     lines = [
         f"supervisor, {supervisor.mode}: stopped for {100.0 * supervisor.share_stopped:.1f} % of the time, slowed for "
         f"{100.0 * supervisor.share_slowed:.1f} %; {distance}; {violations(supervisor)}"

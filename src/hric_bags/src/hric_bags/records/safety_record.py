@@ -66,10 +66,18 @@ class SafetyRecord:
 
     def share(self, state: str) -> float:
         """Return the share of the time from first to last decision in which the supervisor was in a state [1]."""
+        return self._share(self.state == STATES.index(state))
+
+    @property
+    def share_unknown(self) -> float:
+        """Share of the time from first to last decision in which the separation was not known [1]."""
+        return self._share(np.isnan(self.separation))
+
+    def _share(self, chosen: np.ndarray) -> float:
         if len(self.time) < 2:
-            return float(np.mean(self.state == STATES.index(state)))
+            return float(np.mean(chosen))
         period = np.diff(self.time)
-        return float(period[self.state[:-1] == STATES.index(state)].sum() / period.sum())
+        return float(period[chosen[:-1]].sum() / period.sum())
 
     def stretches(self, state: str) -> list[tuple[float, float]]:
         """Return begin and end of each time interval in a state [s]; the last one ends with the record."""
