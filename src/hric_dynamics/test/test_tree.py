@@ -1,5 +1,6 @@
-"""Dynamics of a robot description against those of the library pinocchio."""
+"""Dynamics of a robot description, and distances of its links, against the libraries pinocchio and coal."""
 
+import coal
 import numpy as np
 import pinocchio
 import pytest
@@ -75,6 +76,34 @@ def test_gravity_and_inverse_dynamics_are_those_of_a_rigid_body_library(oracle: 
     moved = pinocchio.rnea(oracle.model, oracle.data, oracle.q, oracle.dq, oracle.ddq)
     np.testing.assert_allclose(bodies.gravity(q, gravity), oracle.ours(held), atol=1e-12)
     np.testing.assert_allclose(bodies.inverse_dynamics(q, dq, ddq, gravity), oracle.ours(moved), atol=1e-12)
+
+
+def test_distances_of_capsules_on_the_links_are_those_of_a_collision_library(oracle: Oracle) -> None:
+    random, tree = np.random.default_rng(7), Tree(read(BRANCHED), JOINTS)
+    pinocchio.framesForwardKinematics(oracle.model, oracle.data, oracle.q)
+    rows, placed = [], []
+    for link in ("base", "a", "d", "e", "e"):
+        radius, half = random.uniform(0.01, 0.1), random.uniform(0.0, 0.2) if len(rows) < 4 else 0.0  # the last: a ball
+        middle, along = random.uniform(-0.3, 0.3, 3), np.linalg.qr(random.normal(size=(3, 3)))[0]
+        along[:, 0] *= np.linalg.det(along)
+        ends = middle - half * along[:, 2], middle + half * along[:, 2]
+        rows.append([tree.index[link], *ends[0], *ends[1], radius])
+        T = oracle.data.oMf[oracle.model.getFrameId(link)].homogeneous
+        pose = coal.Transform3s(T[:3, :3] @ along, T[:3, :3] @ middle + T[:3, 3])
+        placed.append((coal.Capsule(radius, 2.0 * half), pose))
+    pairs = [(i, j) for i in range(5) for j in range(i)]
+    distances = np.empty(len(pairs))
+    tree.bodies.capsule_distances(oracle.ours(oracle.q), np.array(rows), np.array(pairs, float), distances)
+    request = coal.DistanceRequest()
+    expected = [coal.distance(*placed[i], *placed[j], request, coal.DistanceResult()) for i, j in pairs]
+    np.testing.assert_allclose(distances, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("pair", [(0.0, 2.0), (-1.0, 0.0), (np.nan, 0.0)])
+def test_a_capsule_that_does_not_exist_is_refused(pair: tuple[float, float]) -> None:
+    tree, rows = Tree(read(BRANCHED), JOINTS), np.zeros((2, 8))
+    with pytest.raises(IndexError, match="there are 2 capsules"):
+        tree.bodies.capsule_distances([0.0] * 4, rows, np.array([pair]), np.empty(1))
 
 
 def test_joints_that_do_not_move_are_at_zero() -> None:

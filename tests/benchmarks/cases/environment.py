@@ -7,7 +7,6 @@ from pathlib import Path
 
 from cases import Block
 from cases.arms import SETPOINT, timed
-from hric_core.processes import quiet_collector
 from hric_gym.environment import CollaborationEnv
 
 STEPS = 10
@@ -45,8 +44,7 @@ def opened(**arguments: str) -> Iterator[CollaborationEnv]:
     environment = CollaborationEnv("Reach", **arguments)
     environment.action_space.seed(0)
     environment.reset(seed=0)
-    with quiet_collector():
-        yield environment
+    yield environment
     environment.close()
 
 

@@ -117,12 +117,15 @@ class RobotClock:
 
     def publish(self, time: float | None) -> None:
         """Publish /clock at a robot time [s] but 0, which in ROS is no time yet; None: the smallest that is valid."""
-        stamp = stamps.FIRST if time is None else stamps.to_time(time)
-        if self._publisher is None or not stamp:
+        publisher, on_clock = self._publisher, self._on_clock
+        if publisher is None or not (on_clock is not None or publisher.needed):
             return
-        if self._on_clock is not None:
-            self._on_clock(stamp)
-        self._publisher.publish(_clock_message, stamp)
+        stamp = stamps.FIRST if time is None else stamps.to_time(time)
+        if not stamp:
+            return
+        if on_clock is not None:
+            on_clock(stamp)
+        publisher.publish(_clock_message, stamp)
 
     def pair_now(self) -> None:
         """Publish a clock pair if one is due; called between cycles while the simulation is paused."""

@@ -181,6 +181,46 @@ static PyObject *bodies_capsule_ends(Bodies *self, PyObject *const *given, Py_ss
     return done ? Py_NewRef(Py_None) : NULL;
 }
 
+/* Distance of the axes of two capsules; at: result, positions of the nearest points along both, 0 to 1. */
+static double axes_apart(const double a[2][3], const double b[2][3], double at[2])
+{
+    double w[3], u[3], v[3];
+    for (int k = 0; k < 3; k++) {
+        w[k] = a[0][k] - b[0][k];
+        u[k] = a[1][k] - a[0][k];
+        v[k] = b[1][k] - b[0][k];
+    }
+    return sqrt(segments_apart(w, u, v, at));
+}
+
+/* Distances of the pairs of the links' own capsules that `pairs` names by two numbers each; negative for an overlap. */
+static PyObject *bodies_capsule_distances(Bodies *self, PyObject *const *given, Py_ssize_t count)
+{
+    enum { CAPSULES, PAIRS, DISTANCES, VIEWS };
+    Py_buffer view[VIEWS];
+    if (!expect(count, 1 + VIEWS, "capsule_distances(q, capsules, pairs, distances)")
+        || !take_values(self, given[0], self->q) || !take_views(given + 1, VIEWS, DISTANCES, view))
+        return NULL;
+    const Py_ssize_t size = sizeof(double), n = view[CAPSULES].len / (Py_ssize_t)sizeof(Capsule),
+                     m = view[DISTANCES].len / size,
+                     bytes[VIEWS] = {n * (Py_ssize_t)sizeof(Capsule), 2 * m * size, m * size};
+    const Capsule *capsules = view[CAPSULES].buf;
+    const double (*pairs)[2] = view[PAIRS].buf;
+    double ends[n + 1][2][3], at[2], *distances = view[DISTANCES].buf;
+    const int placed = views_fit(view, VIEWS, bytes) && place_capsules(self, capsules, n, ends);
+    for (Py_ssize_t pair = 0; placed && pair < m; pair++) {
+        const double i = pairs[pair][0], j = pairs[pair][1];
+        if (!(0.0 <= i && i < (double)n && 0.0 <= j && j < (double)n)) {
+            PyErr_Format(PyExc_IndexError, "there are %zd capsules", n);
+            break;
+        }
+        const Capsule *a = capsules + (Py_ssize_t)i, *b = capsules + (Py_ssize_t)j;
+        distances[pair] = axes_apart(ends[a - capsules], ends[b - capsules], at) - a->radius - b->radius;
+    }
+    release_views(view, VIEWS);
+    return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
+}
+
 /* Nearest capsule of a set for each capsule of another; their ends are placed. Each row of the result: distance [m],
  * negative for an overlap; number of the nearest capsule; nearest points on the axes [m]. */
 FUNCTION(nearest)
@@ -196,20 +236,15 @@ FUNCTION(nearest)
     const int fits = views_fit(view, SETS, bytes);
     for (Py_ssize_t pair = 0; fits && pair < n * m; pair++) {
         const Py_ssize_t i = pair % n, j = pair / n;
-        double w[3], u[3], v[3], at[2], *row = rows[j];
-        for (int k = 0; k < 3; k++) {
-            w[k] = a[i][0][k] - b[j][0][k];
-            u[k] = a[i][1][k] - a[i][0][k];
-            v[k] = b[j][1][k] - b[j][0][k];
-        }
-        const double distance = sqrt(segments_apart(w, u, v, at)) - radii_a[i] - radii_b[j];
+        double at[2], *row = rows[j];
+        const double distance = axes_apart(a[i], b[j], at) - radii_a[i] - radii_b[j];
         if (i > 0 && (isnan(row[0]) || distance >= row[0]))
             continue; /* a distance that is not known stays so */
         row[0] = distance;
         row[1] = (double)i;
         for (int k = 0; k < 3; k++) {
-            row[2 + k] = a[i][0][k] + at[0] * u[k];
-            row[5 + k] = b[j][0][k] + at[1] * v[k];
+            row[2 + k] = a[i][0][k] + at[0] * (a[i][1][k] - a[i][0][k]);
+            row[5 + k] = b[j][0][k] + at[1] * (b[j][1][k] - b[j][0][k]);
         }
     }
     release_views(view, SETS);
@@ -372,6 +407,8 @@ static PyMethodDef bodies_methods[] = {
     {"capsule_ends", FAST(bodies_capsule_ends),
      "capsule_ends(q, base, capsules, ends): write both ends of the axes of capsules in the world, for a pose of the "
      "base"},
+    {"capsule_distances", FAST(bodies_capsule_distances),
+     "capsule_distances(q, capsules, pairs, distances): write the distances of pairs of capsules on the links"},
     {"solve", FAST(bodies_solve),
      "solve(gravity, links, root, q, dq, ddq, loads, torque, force, moment, position, rotation): inverse dynamics at "
      "many instants; the last five arrays are written"},

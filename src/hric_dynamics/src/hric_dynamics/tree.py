@@ -12,7 +12,9 @@ from hric_core.native import load
 from hric_core.urdf.robot import ONE_COORDINATE, Joint, Robot
 
 _built = load("hric_bodies")
-_Bodies: Any = _built.Bodies
+Bodies: Any = _built.Bodies
+"""Compiled links: Bodies(number of coordinates, rows), each row the number of a joint's coordinate (-1: fixed) and
+`link_row`."""
 nearest: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None] = _built.nearest
 """Function that writes, for each of m capsules, which of k other capsules is the nearest.
 
@@ -83,7 +85,7 @@ class Tree:
                 parent, T = len(rows) - 1, np.eye(4)
             self.index[joint.child] = parent
         self.n = len(self.joints)
-        self.bodies = _Bodies(self.n, rows)
+        self.bodies = Bodies(self.n, rows)
 
     def capsule_ends(self, q: Sequence[float], T_base: Sequence[float], capsules: FloatArray, ends: FloatArray) -> None:
         """Write both ends of the axes of capsules in the world at joint positions.

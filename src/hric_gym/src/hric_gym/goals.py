@@ -1,5 +1,6 @@
 """Goals of the tasks: the desired position of the end effector, or of the person's hand, over time."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -52,8 +53,7 @@ class Goal(ABC):
     def distance(self, observation: SimulationState) -> float:
         """Return the distance of the end effector from the goal [m]."""
         assert observation.arm.T_base_ee is not None
-        offset = observation.arm.T_base_ee[:3, 3] - self.at(observation.time)
-        return float(np.sqrt(offset.dot(offset)))
+        return math.dist(observation.arm.T_base_ee[:3, 3].tolist(), self.at(observation.time).tolist())
 
 
 class DrawnGoal(Goal):
