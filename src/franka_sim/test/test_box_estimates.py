@@ -149,6 +149,7 @@ def test_the_links_clearance_is_that_of_the_capsules(make_box) -> None:
     bodies = SelfCollision(make_box().box.model, BoxConfig())
     assert bodies.clearance([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]) > 0.05
     assert bodies.nearest([0.0, 0.5, 0.0, -3.0, 0.0, 2.5, 0.785]) == ("link0", "hand")
+    assert bodies.too_near([math.nan] * 7) and not bodies.too_near([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 
 
 def test_the_bound_on_speeds_is_never_too_small(make_box) -> None:

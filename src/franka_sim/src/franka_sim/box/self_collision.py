@@ -70,7 +70,7 @@ class SelfCollision:
     def too_near(self, q: Sequence[float]) -> bool:
         """Return True if two links are nearer than the margin; not needed while `free` is positive."""
         self.free = self.clearance(q) - self._min_clearance
-        return self.free < 0.0
+        return not self.free >= 0.0  # also where the distance is not known
 
 
 def _capsules(T_link7_flange: FloatArray, hand: bool) -> list[tuple[str, list[float]]]:
