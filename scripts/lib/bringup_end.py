@@ -49,8 +49,9 @@ class EndAtOnce(threading.Thread):
         while not self._over.is_set():
             if signal.sigtimedwait(REQUESTS, LOOK) is not None:
                 for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
-                    with contextlib.suppress(ProcessLookupError):
+                    with contextlib.suppress(ProcessLookupError, ChildProcessError):
                         os.kill(int(child), signal.SIGKILL)
+                        os.waitid(os.P_PID, int(child), os.WEXITED | os.WNOWAIT)
                 os._exit(INTERRUPTED)  # at once: the main thread would report the command's end
 
     def over(self) -> None:
@@ -75,6 +76,7 @@ def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
     for process in alive:
         # SIGTERM: on SIGINT, a node that is still importing modules would print a traceback. Nodes handle both alike.
         _signal(process, signal.SIGTERM)
+        _signal(process, signal.SIGCONT)  # a node that was stopped (Ctrl-Z, SIGSTOP) can end, and closes its bag
     _wait(alive, impatient)
 
 

@@ -107,6 +107,8 @@ def test_a_peer_that_is_stopped_ends_the_experiment_with_one_line_and_a_failed_r
     run = RunFolder(system.run_folder).read()
     assert run["status"] in ("failed", "interrupted") and re.search(why, run.get("error") or run["reason"]), run
     assert "Traceback" not in system.output, system.output
+    if stopped == "recorder":  # it continues at the end, and closes its bag
+        assert len([*system.run_folder.glob("*.bag")]) == 1
 
 
 @pytest.mark.parametrize("killed", KILLED)
