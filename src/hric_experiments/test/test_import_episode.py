@@ -183,6 +183,38 @@ def test_what_cannot_be_replayed_is_refused(
     assert not list(tmp_path.glob("*.yaml"))
 
 
+TWICE = [*JOINTS, *JOINTS]
+
+
+@pytest.mark.parametrize(
+    ("names", "width", "options", "reason"),
+    [
+        (JOINTS, 14, [], "observation.state has 7 names for 14 signals; these names do not show"),
+        (JOINTS, 14, ["--signals", *JOINTS], "no signal 'panda_joint1' in observation.state; valid: 7 names for 14 sig"),
+        (["gripper", *JOINTS], 7, [], "observation.state has 8 names for 7 signals; these names do not show"),
+        ({"left": JOINTS, "right": JOINTS}, 14, ["--signals", *JOINTS], "'panda_joint1' names 2 signals of observ"),
+        ([f"tau_j{k}" for k in range(1, 8)], 7, [], "observation.state has tau_j1, "),
+        ([f"delta_joint_{k}" for k in range(1, 8)], 7, [], "these names do not show the 7 joints"),
+        ([f"panda_joint{k}" for k in (1, 2, 3, 4, 5, 6, 9)], 7, [], "these names do not show the 7 joints"),
+        ({name: k for k, name in enumerate(JOINTS)}, 7, [], "observation.state: names are \"{'panda_joint1': 0, "),
+        ("state", 7, [], "observation.state: names are 'state'; valid: a list of names, or groups of lists"),
+        (JOINTS, 7, ["--signals", "²", *"123456"], "no signal '²' in observation.state; valid: panda_joint1, "),
+    ],
+)
+def test_signals_that_may_not_be_the_positions_of_the_joints_are_refused(
+    tmp_path: Path, names: Any, width: int, options: list[str], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = np.tile(motion(0.4), width // 7)
+    refused(version_2(tmp_path / "data", values, names, width), reason, capsys, *options)
+
+
+def test_a_feature_of_velocities_is_no_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
+    for path in (dataset / "meta/info.json", dataset / "data/chunk-000/episode_000001.parquet"):
+        path.write_bytes(path.read_bytes().replace(b"observation.state", b"observation.veloc"))
+    refused(dataset, "these names do not show the 7 joints", capsys, "--feature", "observation.veloc")
+
+
 def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
     path = dataset / "data/chunk-000/episode_000001.parquet"
@@ -223,9 +255,9 @@ def test_a_description_that_is_not_of_a_data_set_is_refused(
     refused(dataset, reason, capsys)
 
 
-def refused(dataset: Path, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+def refused(dataset: Path, reason: str, capsys: pytest.CaptureFixture[str], *options: str) -> None:
     output = dataset.parent / "wave.yaml"
-    assert main(["import", str(dataset), "--episode", "1", "-o", str(output)]) == 2
+    assert main(["import", str(dataset), "--episode", "1", "-o", str(output), *options]) == 2
     message = capsys.readouterr().err
     assert reason in message and message.count("\n") == 1 and not output.exists()
 

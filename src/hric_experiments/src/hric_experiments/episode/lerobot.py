@@ -33,6 +33,8 @@ PANDA = re.compile("panda|franka|fr3", re.IGNORECASE)
 """Pattern of a type of robot with the kinematics of the Panda."""
 _JOINT = re.compile(r"(?:^|[^a-z])(?:joint|j|q)_?(\d)(?:\.pos(?:ition)?)?$")
 """Pattern of a signal's name that is a joint position: it ends with joint, j or q and a number."""
+_OTHER = re.compile("vel|acc|tau|torque|effort|force|delta")
+"""Pattern in the name of a feature or signal that is another quantity of a joint."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def _read(dataset: Path, number: int, joints: Sequence[str], feature: str, signa
     numeric = sorted(name for name in about if str(about[name].get("dtype")).startswith("float"))
     if feature not in numeric:
         raise HricError(f"no feature {feature!r} in {dataset.name}; valid: {', '.join(numeric)}")
-    columns = _columns(_flat(about[feature]), about[feature]["shape"], signals, len(joints), feature)
+    columns = _columns(_flat(about[feature], feature), about[feature]["shape"], signals, len(joints), feature)
     table = _table(dataset / _file(dataset, info, number), number, feature)
     values = _values(table, feature, about[feature]["shape"])[:, columns]
     if len(values) < 2 or not np.isfinite(values).all():
@@ -181,15 +183,16 @@ def _table(path: Path, number: int, feature: str) -> Any:
         raise HricError(f"cannot read {path}: {' '.join(str(error).split())[:200]}") from error
 
 
-def _flat(about: dict[str, Any]) -> list[str]:
+def _flat(about: dict[str, Any], feature: str) -> list[str]:
     """Return the names of the signals of a feature; empty: the data set has no names.
 
     about: description of the feature in meta/info.json; older data sets have groups of names there.
     """
-    names = about.get("names")
-    if isinstance(names, dict):
-        names = [name for group in names.values() for name in group]
-    return [str(name) for name in names or ()]
+    names = about.get("names") or []
+    groups = list(names.values()) if isinstance(names, dict) else [names]
+    if not all(isinstance(group, list) for group in groups):
+        raise HricError(f"{feature}: names are {str(names)!r:.80}; valid: a list of names, or groups of lists")
+    return [str(name) for group in groups for name in group]
 
 
 def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], count: int, feature: str) -> list[int]:
@@ -204,10 +207,13 @@ def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], cou
     """
     width = int(np.prod(shape))
     listed = ", ".join(names) or f"{width} signals without names"
+    if names and len(names) != width:  # it is not known which signal a name belongs to
+        names, listed = [], f"{len(names)} names for {width} signals"
     if not signals:
-        found = {int(match[1]): k for k, name in enumerate(names) if (match := _JOINT.search(name.lower()))}
-        chosen = [found[key] for key in sorted(found)]
-        if len(chosen) != count or len(found) != sum(bool(_JOINT.search(name.lower())) for name in names):
+        found = [(int(match[1]), k) for k, name in enumerate(names) if (match := _JOINT.search(name.lower()))]
+        numbers, chosen = [key for key, _ in sorted(found)], [k for _, k in sorted(found)]
+        other = any(_OTHER.search(f"{feature} {names[k]}".lower()) for k in chosen)
+        if other or numbers not in (list(range(count)), list(range(1, count + 1))):
             raise HricError(
                 f"{feature} has {listed}; these names do not show the {count} joints; list them in order with --signals"
             )
@@ -215,7 +221,9 @@ def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], cou
     if len(signals) != count:
         raise HricError(f"--signals has {len(signals)} signals; valid: {count}, one per joint")
     for signal in signals:
-        if signal not in names and not (signal.isdigit() and int(signal) < width):
+        if (same := names.count(signal)) > 1:
+            raise HricError(f"{signal!r} names {same} signals of {feature}; valid: an index below {width}")
+        if not same and not (signal.isdecimal() and int(signal) < width):
             raise HricError(f"no signal {signal!r} in {feature}; valid: {listed}, or an index below {width}")
     indices = [names.index(signal) if signal in names else int(signal) for signal in signals]
     if len({*indices}) < count:
