@@ -17,6 +17,7 @@ from hric_run.definition import experiment
 FPS, FRAMES = 50, 151
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
+STATE = {"dtype": "float32", "shape": [7], "names": JOINTS}
 
 
 WORLD = """
@@ -183,14 +184,16 @@ def test_what_cannot_be_replayed_is_refused(
     assert not list(tmp_path.glob("*.yaml"))
 
 
-TWICE = [*JOINTS, *JOINTS]
-
-
 @pytest.mark.parametrize(
     ("names", "width", "options", "reason"),
     [
         (JOINTS, 14, [], "observation.state has 7 names for 14 signals; these names do not show"),
-        (JOINTS, 14, ["--signals", *JOINTS], "no signal 'panda_joint1' in observation.state; valid: 7 names for 14 sig"),
+        (
+            JOINTS,
+            14,
+            ["--signals", *JOINTS],
+            "no signal 'panda_joint1' in observation.state; valid: 7 names for 14 sig",
+        ),
         (["gripper", *JOINTS], 7, [], "observation.state has 8 names for 7 signals; these names do not show"),
         ({"left": JOINTS, "right": JOINTS}, 14, ["--signals", *JOINTS], "'panda_joint1' names 2 signals of observ"),
         ([f"tau_j{k}" for k in range(1, 8)], 7, [], "observation.state has tau_j1, "),
@@ -229,6 +232,16 @@ def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.Captu
         ({"fps": 0}, "fps is 0; valid: a finite number from 0.1 to 1000 [Hz]"),
         ({"fps": float("nan")}, "fps is nan; valid: "),
         ({"codebase_version": "v1.6"}, "has version v1.6; valid: LeRobot data sets of version 2 or 3"),
+        ({"features": {"observation.state": STATE | {"units": {"motors": ["rad"] * 7}}}}, "has the units {'motors': ["),
+        (
+            {"features": {"observation.state": STATE | {"units": ["rad"]}}},
+            "has the units ['rad']; valid: a list with 7",
+        ),
+        (
+            {"features": {"observation.state": {"dtype": "float32"}}},
+            "of version 2 or 3: 'shape' is missing or not known",
+        ),
+        ({"features": {"index": {"dtype": "int64"}}}, "no feature 'observation.state' in data; valid: none"),
         ({"chunks_size": 0}, "is not a LeRobot data set of version 2 or 3: ZeroDivisionError"),
         ({"features": {"observation.state": None}}, "is not a LeRobot data set of version 2 or 3: AttributeError"),
         (
@@ -288,6 +301,31 @@ def test_frames_that_do_not_give_the_motion_are_refused(
     path = dataset / "data/chunk-000/file-001.parquet"
     change(pandas.read_parquet(path)).to_parquet(path)
     refused(dataset, reason, capsys)
+
+
+def test_a_frame_with_an_unknown_position_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = motion(0.4)
+    values[7, 2] = np.nan
+    refused(version_2(tmp_path / "data", values, JOINTS), "has 151 frames, and frame 7 is not finite; valid: ", capsys)
+
+
+def test_a_pointer_of_git_lfs_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "data/chunk-000/episode_000001.parquet"
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n")
+    refused(dataset, f"{path} is a pointer of Git LFS and not the file; `git lfs pull` fetches it", capsys)
+
+
+@pytest.mark.parametrize("task", ["wave", None, "wave\n  twice"])
+def test_tasks_of_other_writers_are_read(tmp_path: Path, task: str | None) -> None:
+    expected = "episode 1 of data" + (f": {' '.join(task.split())}" if task else "")
+    dataset = version_2(tmp_path / "data", motion(0.1), JOINTS)
+    (dataset / "meta/tasks.jsonl").write_text(f'{{"task_index": 1, "task": {json.dumps(task)}}}\n\n')
+    assert yaml.safe_load((path := imported(dataset)).read_text())["description"] == expected
+    for made in (path, path.with_suffix(".csv")):
+        made.unlink()
+    pandas.DataFrame({"task_index": [0, 1], "task": ["none", task]}).to_parquet(dataset / "meta/tasks.parquet")
+    assert yaml.safe_load(imported(dataset).read_text())["description"] == expected
 
 
 def test_an_episode_that_no_file_lists_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

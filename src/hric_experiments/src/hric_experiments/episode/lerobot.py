@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet
 
+from hric_bags import foreign
 from hric_core.errors import HricError
 from hric_core.parameters import number
 from hric_experiments.episode.replay import FloatArray, JointPositions
@@ -94,10 +95,10 @@ def read(
     except HricError:
         raise
     except Exception as error:  # a file of other programs may raise any error
-        reason = " ".join(str(error).split())[:200]
-        raise HricError(
-            f"{dataset} is not a LeRobot data set of version 2 or 3: {type(error).__name__}: {reason}"
-        ) from error
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        if isinstance(error, KeyError):
+            reason = f"{error} is missing or not known"
+        raise HricError(f"{dataset} is not a LeRobot data set of version 2 or 3: {reason}") from error
 
 
 def _read(dataset: Path, number: int, joints: Sequence[str], feature: str, signals: Sequence[str]) -> DatasetEpisode:
@@ -107,13 +108,20 @@ def _read(dataset: Path, number: int, joints: Sequence[str], feature: str, signa
     fps, about = FPS.checked(info["fps"], f"{dataset.name}: fps"), info["features"]
     numeric = sorted(name for name in about if str(about[name].get("dtype")).startswith("float"))
     if feature not in numeric:
-        raise HricError(f"no feature {feature!r} in {dataset.name}; valid: {', '.join(numeric)}")
+        raise HricError(f"no feature {feature!r} in {dataset.name}; valid: {', '.join(numeric) or 'none'}")
     columns = _columns(_flat(about[feature], feature), about[feature]["shape"], signals, len(joints), feature)
     table = _table(dataset / _file(dataset, info, number), number, feature)
     values = _values(table, feature, about[feature]["shape"])[:, columns]
-    if len(values) < 2 or not np.isfinite(values).all():
-        raise HricError(f"episode {number} of {dataset.name} has {len(values)} frames; valid: at least 2, all finite")
+    wrong_rows = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if len(values) < 2 or len(wrong_rows):
+        which = f", and frame {wrong_rows[0]} is not finite" if len(wrong_rows) else ""
+        raise HricError(
+            f"episode {number} of {dataset.name} has {len(values)} frames{which}; valid: at least 2, all finite"
+        )
     units = about[feature].get("units")  # hric export writes them, LeRobot does not
+    width = int(np.prod(about[feature]["shape"]))
+    if units and (not isinstance(units, list) or len(units) != width):
+        raise HricError(f"{feature} has the units {units}; valid: a list with {width}, or none")
     wrong = next((f" {units[column]}" for column in columns if units[column] != "rad"), "") if units else ""
     if np.abs(values).max() > LARGEST or wrong:
         raise HricError(
@@ -180,7 +188,8 @@ def _table(path: Path, number: int, feature: str) -> Any:
         columns += sorted({"frame_index", "timestamp"} & present)
         return pyarrow.parquet.read_table(path, columns=columns, filters=chosen).sort_by("index")
     except (OSError, ValueError) as error:
-        raise HricError(f"cannot read {path}: {' '.join(str(error).split())[:200]}") from error
+        reason = f"cannot read {path}: {' '.join(str(error).split())[:200]}"
+        raise HricError(foreign.describe(path) or reason) from error
 
 
 def _flat(about: dict[str, Any], feature: str) -> list[str]:
@@ -231,14 +240,17 @@ def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], cou
     return indices
 
 
-def _task(dataset: Path, table: Any) -> str:
-    """Return the text of the episode's task; "": not known."""
-    index, path = table["task_index"][0].as_py(), dataset / "meta" / "tasks.parquet"
+def _task(dataset: Path, frames: Any) -> str:
+    """Return the text of the task of an episode, given its frames; "": not known."""
+    index, path = frames["task_index"][0].as_py(), dataset / "meta" / "tasks.parquet"
     if path.is_file():
         import pandas
 
-        tasks = pandas.read_parquet(path)
-        return next((str(text) for text, row in tasks.iterrows() if row["task_index"] == index), "")
-    lines = path.with_suffix(".jsonl")
-    entries = map(json.loads, lines.read_text().splitlines()) if lines.is_file() else ()
-    return next((str(entry["task"]) for entry in entries if entry["task_index"] == index), "")
+        table = pandas.read_parquet(path)
+        tasks = dict(zip(table["task_index"], table.get("task", table.index), strict=True))
+    else:
+        lines = path.with_suffix(".jsonl")
+        entries = [json.loads(line) for line in lines.read_text().splitlines() if line] if lines.is_file() else []
+        tasks = {entry["task_index"]: entry["task"] for entry in entries}
+    text = tasks.get(index)
+    return " ".join(text.split()) if isinstance(text, str) else ""
