@@ -321,7 +321,8 @@ def test_tasks_of_other_writers_are_read(tmp_path: Path, task: str | None) -> No
     expected = "episode 1 of data" + (f": {' '.join(task.split())}" if task else "")
     dataset = version_2(tmp_path / "data", motion(0.1), JOINTS)
     (dataset / "meta/tasks.jsonl").write_text(f'{{"task_index": 1, "task": {json.dumps(task)}}}\n\n')
-    assert yaml.safe_load((path := imported(dataset)).read_text())["description"] == expected
+    path = imported(dataset)
+    assert yaml.safe_load(path.read_text())["description"] == expected
     for made in (path, path.with_suffix(".csv")):
         made.unlink()
     pandas.DataFrame({"task_index": [0, 1], "task": ["none", task]}).to_parquet(dataset / "meta/tasks.parquet")
