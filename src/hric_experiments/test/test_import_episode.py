@@ -336,6 +336,19 @@ def test_an_episode_that_no_file_lists_is_refused(tmp_path: Path, capsys: pytest
     refused(dataset, "data does not list episode 1 in meta/episodes", capsys)
 
 
+def test_an_episode_is_not_found_without_the_list_of_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    (dataset / "meta/episodes/chunk-000/file-000.parquet").unlink()
+    refused(dataset, "data does not list episode 1 in meta/episodes", capsys)
+
+
+def test_the_name_of_a_data_set_is_that_of_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    monkeypatch.chdir(dataset / "meta")
+    assert main(["import", "..", "--episode", "1"]) == 0
+    assert (dataset / "meta/data_1.yaml").is_file()
+
+
 @pytest.mark.parametrize("name", ["wave.yaml", "wave.csv"])
 def test_an_existing_file_is_not_replaced(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)

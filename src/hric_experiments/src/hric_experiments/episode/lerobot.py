@@ -174,7 +174,7 @@ def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
         for row in rows.to_pylist():
             if row["episode_index"] == number:
                 keys |= {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
-    if paths and "file_index" not in keys:
+    if "file_index" not in keys and (paths or "{file_index" in str(info["data_path"])):
         raise HricError(f"{dataset.name} does not list episode {number} in meta/episodes")
     return str(info["data_path"]).format(**keys)
 
