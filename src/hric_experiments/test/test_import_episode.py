@@ -211,13 +211,6 @@ def test_signals_that_may_not_be_the_positions_of_the_joints_are_refused(
     refused(version_2(tmp_path / "data", values, names, width), reason, capsys, *options)
 
 
-def test_a_feature_of_velocities_is_no_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
-    for path in (dataset / "meta/info.json", dataset / "data/chunk-000/episode_000001.parquet"):
-        path.write_bytes(path.read_bytes().replace(b"observation.state", b"observation.veloc"))
-    refused(dataset, "these names do not show the 7 joints", capsys, "--feature", "observation.veloc")
-
-
 def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
     path = dataset / "data/chunk-000/episode_000001.parquet"
@@ -317,28 +310,19 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize("task", ["wave", None, "wave\n  twice"])
-def test_tasks_of_other_writers_are_read(tmp_path: Path, task: str | None) -> None:
-    expected = "episode 1 of data" + (f": {' '.join(task.split())}" if task else "")
+def test_tasks_in_a_column_are_read(tmp_path: Path, task: str | None) -> None:
     dataset = version_2(tmp_path / "data", motion(0.1), JOINTS)
-    (dataset / "meta/tasks.jsonl").write_text(f'{{"task_index": 1, "task": {json.dumps(task)}}}\n\n')
-    path = imported(dataset)
-    assert yaml.safe_load(path.read_text())["description"] == expected
-    for made in (path, path.with_suffix(".csv")):
-        made.unlink()
     pandas.DataFrame({"task_index": [0, 1], "task": ["none", task]}).to_parquet(dataset / "meta/tasks.parquet")
-    assert yaml.safe_load(imported(dataset).read_text())["description"] == expected
+    description = yaml.safe_load(imported(dataset).read_text())["description"]
+    assert description == f"episode 1 of data: {' '.join((task or '').split())}".rstrip(": ")
 
 
-def test_an_episode_that_no_file_lists_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("change", [lambda path: pandas.read_parquet(path)[:1].to_parquet(path), Path.unlink])
+def test_an_episode_that_no_file_lists_is_refused(
+    tmp_path: Path, change: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
-    path = dataset / "meta/episodes/chunk-000/file-000.parquet"
-    pandas.read_parquet(path)[:1].to_parquet(path)
-    refused(dataset, "data does not list episode 1 in meta/episodes", capsys)
-
-
-def test_an_episode_is_not_found_without_the_list_of_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
-    (dataset / "meta/episodes/chunk-000/file-000.parquet").unlink()
+    change(dataset / "meta/episodes/chunk-000/file-000.parquet")
     refused(dataset, "data does not list episode 1 in meta/episodes", capsys)
 
 

@@ -92,10 +92,9 @@ class Ros2Reader(AnyReader):
 
     def _reason(self, error: Exception) -> str:
         """Return why the bag could not be opened, and what to do."""
-        without = MessageDefinitionFormat.NONE
-        if isinstance(error, AnyReaderError) and all(
-            c.msgdef.format is without for c in self.readers[0].connections
-        ):  # the file was opened
+        if isinstance(error, AnyReaderError) and {c.msgdef.format for c in self.readers[0].connections} == {
+            MessageDefinitionFormat.NONE
+        }:  # the file was opened
             return (
                 "it has no definitions of its message types, as SQLite files of ROS 2 Humble; `ros2 bag convert` "
                 "adds them when it writes .mcap"
@@ -107,8 +106,7 @@ class Ros2Reader(AnyReader):
             return (
                 f"{reason}; valid: messages of ROS 2 (ros2msg, ros2idl) on all topics; `mcap filter` leaves topics out"
             )
-        recover = self._path.suffix == ".mcap"
-        return f"{reason}; `mcap recover` repairs a file that was not closed" if recover else reason
+        return reason + "; `mcap recover` repairs a file that was not closed" * (self._path.suffix == ".mcap")
 
     @property
     def _storage(self) -> Any:
@@ -127,14 +125,12 @@ class Ros2Reader(AnyReader):
                 raise self._unreadable(f"{path.name} has messages that {bag} lacks; `sqlite3 {bag} .tables` adds them")
         for file in self._files:
             if any(c.message_end_time and not c.channel_count for c in getattr(file, "chunks", ())):
-                name = file.path.name
                 raise self._unreadable(
-                    f"it has 0 of the messages of a chunk in {name}, which its index does not list; `mcap recover` "
-                    "repairs it"
+                    f"it has 0 of the messages of a chunk in {file.path.name}, which its index does not list; `mcap "
+                    "recover` repairs it"
                 )
-        if self.message_count:
-            self._check_time(self.start_time, "a message")
-            self._check_time(self.end_time - 1, "a message")
+        for time in (self.start_time, self.end_time - 1) if self.message_count else ():
+            self._check_time(time, "a message")
         self._check_count(sum(c.msgcount for c in self.connections), self.message_count, "all topics")
 
     def _check_count(self, count: int, expected: int, what: str) -> None:

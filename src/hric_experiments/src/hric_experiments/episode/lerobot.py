@@ -95,9 +95,9 @@ def read(
     except HricError:
         raise
     except Exception as error:  # a file of other programs may raise any error
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        if isinstance(error, KeyError):
-            reason = f"{error} is missing or not known"
+        text = " ".join(str(error).split())[:200]
+        known = not isinstance(error, KeyError)
+        reason = f"{type(error).__name__}: {text}" if known else f"{text} is missing or not known"
         raise HricError(f"{dataset} is not a LeRobot data set of version 2 or 3: {reason}") from error
 
 
