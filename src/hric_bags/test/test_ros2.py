@@ -303,23 +303,6 @@ def test_a_bag_of_humble_has_no_definitions_and_the_message_says_so(
     )
 
 
-def test_a_file_with_compressed_messages_is_read_by_its_folder(
-    exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with ros2.Ros2Reader(exported / "ros2") as reader:
-        stored = list(super(ros2.Ros2Reader, reader).messages())
-        writer = ros2.Writer(tmp_path / "bag", version=8)
-        writer.set_compression(ros2.CompressionMode.MESSAGE, ros2.CompressionFormat.ZSTD)
-        with writer:
-            kinds, types = {c.topic: c.msgtype for c, *_ in stored}, reader.typestore
-            added = {topic: writer.add_connection(topic, kind, typestore=types) for topic, kind in kinds.items()}
-            for connection, time, raw in stored:
-                writer.write(added[connection.topic], time, raw)
-    assert by_topic(contents(tmp_path / "bag")) == by_topic(contents(exported / "ros2"))
-    message = refused(tmp_path / "bag/bag.db3", capsys)
-    assert "compressed by zstd; valid: the folder of the bag, with metadata.yaml" in message
-
-
 def database(exported: Path, folder: Path) -> tuple[Path, sqlite3.Connection]:
     shutil.copytree(exported / "ros2", folder)
     return folder / "made_up.db3", sqlite3.connect(folder / "made_up.db3")

@@ -48,8 +48,6 @@ CHECKSUM = 1 + 8 + 3 * 8
 """Position of the checksum in the record of a chunk: after kind, length, two times and size (mcap.dev/spec)."""
 VERSION = 8
 """Version of the metadata of written bags."""
-ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of data that are compressed by zstd."""
 LAST = 2**32 * 1_000_000_000
 """End of the recording times that ROS 1 can represent [ns]."""
 
@@ -179,9 +177,7 @@ class Ros2Reader(AnyReader):
             try:
                 message = bytes(self.typestore.cdr_to_ros1(raw, stored.msgtype))
             except Exception as error:  # a damaged message may raise any error
-                packed = "compressed by zstd; valid: the folder of the bag, with metadata.yaml"
-                reason = packed if bytes(raw[:4]) == ZSTD else error
-                raise self._unreadable(f"a message of {stored.topic}: {reason}") from error
+                raise self._unreadable(f"a message of {stored.topic}: {error}") from error
             counts[stored.id] += 1
             yield by_id[stored.id], time, message
         if start is None and stop is None:
