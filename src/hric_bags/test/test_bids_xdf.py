@@ -100,6 +100,13 @@ def test_events_stand_beside_both_recordings(data_set: Path) -> None:
     assert tables == ["0.100000\tn/a\tFoot Strike\tLeft"] * 2
 
 
+def test_a_note_of_several_lines_is_one_row_of_a_table(trial: C3dTrial, tmp_path: Path) -> None:
+    note = replace(trial, events=(TrialEvent(0.1, "looked\taway,\r\nthen back ", ""),))
+    write = next(w for name, w in bids.bids_files(note, {}).items() if name.endswith("_events.tsv"))
+    write(tmp_path / "a.tsv")
+    assert (tmp_path / "a.tsv").read_bytes().split(b"\n")[1:] == [b"0.100000\tn/a\tlooked away, then back\tn/a", b""]
+
+
 def test_bids_without_markers_and_emg_is_refused(truth: Truth, tmp_path: Path) -> None:
     request = ExportRequest(("bids",), ("/hric/perception/force_plate/left/samples",))
     result = exporting.export(recording.find(str(truth.bag)), request, tmp_path)

@@ -203,31 +203,104 @@ def test_messages_of_several_files_are_in_the_order_of_time(
     assert by_topic(found) == by_topic(contents(truth.bag))
 
 
-def indexed(exported: Path, target: Path, **settings: Any) -> None:
-    """Write the exported MCAP file again with the library of MCAP's authors."""
+def indexed(
+    exported: Path, target: Path, added: tuple[str, str, str, bytes] | None = None, later: int = 0, **settings: Any
+) -> None:
+    """Write the exported MCAP file again with the library of MCAP's authors.
+
+    added: a topic with one message, and name, encoding and text of its type; later: added to times [ns].
+    """
     reader, writer = pytest.importorskip("mcap.reader"), pytest.importorskip("mcap.writer")
     with (exported / "mcap/made_up.mcap").open("rb") as file, target.open("wb") as new:
         copy = writer.Writer(new, **settings)
         copy.start(profile="ros2")
         numbers: dict[str, int] = {}
+        if added is not None:
+            kind = copy.register_schema(*added[1:]) if added[1] else 0
+            copy.add_message(copy.register_channel(added[0], "cdr", kind), 1, b"\0\1\0\0\xff", 1)
         for schema, channel, message in reader.make_reader(file).iter_messages():
             if channel.topic not in numbers:
                 kind = copy.register_schema(schema.name, schema.encoding, schema.data)
                 numbers[channel.topic] = copy.register_channel(channel.topic, "cdr", kind, channel.metadata)
-            copy.add_message(numbers[channel.topic], message.log_time, message.data, message.publish_time)
+            copy.add_message(numbers[channel.topic], message.log_time + later, message.data, message.publish_time)
         copy.finish()
 
 
-@pytest.mark.parametrize("settings", ["chunks", "names"])
+@pytest.mark.parametrize("settings", ["chunks", "uncounted", "names"])
 def test_an_mcap_file_whose_index_leads_to_no_messages_is_not_read_as_an_empty_bag(
     exported: Path, tmp_path: Path, settings: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     kinds = pytest.importorskip("mcap.writer").IndexType
+    chunks = {"index_types": kinds.CHUNK, "use_statistics": settings == "chunks"}
     names = {"use_statistics": False, "repeat_channels": False, "repeat_schemas": False}
-    indexed(exported, tmp_path / "a.mcap", **({"index_types": kinds.CHUNK} if settings == "chunks" else names))
+    indexed(exported, tmp_path / "a.mcap", **(names if settings == "names" else chunks))
     assert main(["assess", str(tmp_path / "a.mcap")]) == 2
     message = capsys.readouterr().err
     assert "it has 0 of " in message and "`mcap recover`" in message and message.count("\n") == 1
+
+
+def refused(bag: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return the one line with which the export of a bag is refused; nothing is written."""
+    output = bag.with_name("output")
+    assert main(["export", str(bag), "--format", "csv", "--output", str(output)]) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1 and not output.exists()
+    return message
+
+
+@pytest.mark.parametrize(
+    ("added", "reason"),
+    [
+        (("/odd", "A", "jsonschema", b"{}"), "'jsonschema' is missing or not known; valid: messages of ROS 2 "),
+        (
+            ("/odd", "A", "protobuf", b"\xff"),
+            "; valid: messages of ROS 2 (ros2msg, ros2idl) on all topics; `mcap filter` leaves",
+        ),
+        (("/odd", "", "", b""), "Type '__schemaless__' is unknown; valid: messages of ROS 2 "),
+        (
+            ("/odd", "a_msgs/msg/A", "ros2msg", b"a_msgs/B b"),
+            "Type 'a_msgs/msg/B' is unknown; valid: messages of ROS 2 ",
+        ),
+        (("/odd", "std_msgs/msg/UInt8", "ros2msg", b"uint8[] data"), "a message of /odd: "),
+        (
+            ("/joint_states", "std_msgs/msg/UInt8", "ros2msg", b"uint8 data"),
+            "/joint_states has messages of two types; valid: one; ",
+        ),
+    ],
+)
+def test_a_topic_that_cannot_be_read_is_named_with_what_is_valid(
+    exported: Path, tmp_path: Path, added: tuple[str, str, str, bytes], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    indexed(exported, tmp_path / "a.mcap", added)
+    assert reason in refused(tmp_path / "a.mcap", capsys)
+
+
+@pytest.mark.parametrize("command", ["health", "assess"])
+def test_a_recording_time_that_ros_cannot_have_is_refused(
+    exported: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    indexed(exported, tmp_path / "a.mcap", later=2**63)
+    assert main([command, str(tmp_path / "a.mcap")]) in (2, 4)
+    assert "was recorded at 9223372" in "".join(capsys.readouterr())
+
+
+def test_a_file_that_was_not_closed_is_to_be_recovered(
+    exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.mcap").write_bytes((exported / "mcap/made_up.mcap").read_bytes()[:-9])
+    assert "; `mcap recover` repairs a file that was not closed" in refused(tmp_path / "a.mcap", capsys)
+
+
+def test_a_bag_of_humble_has_no_definitions_and_the_message_says_so(
+    exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, connection = database(exported, tmp_path / "bag")
+    connection.execute("DELETE FROM message_definitions")
+    connection.commit()
+    connection.close()
+    assert "it has no definitions of its message types, as SQLite files of ROS 2 Humble; `ros2 bag convert`" in refused(
+        file.parent, capsys
+    )
 
 
 def database(exported: Path, folder: Path) -> tuple[Path, sqlite3.Connection]:

@@ -17,6 +17,7 @@ from hric_run.definition import experiment
 FPS, FRAMES = 50, 151
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
+STATE = {"dtype": "float32", "shape": [7], "names": JOINTS}
 
 
 WORLD = """
@@ -183,6 +184,33 @@ def test_what_cannot_be_replayed_is_refused(
     assert not list(tmp_path.glob("*.yaml"))
 
 
+@pytest.mark.parametrize(
+    ("names", "width", "options", "reason"),
+    [
+        (JOINTS, 14, [], "observation.state has 7 names for 14 signals; these names do not show"),
+        (
+            JOINTS,
+            14,
+            ["--signals", *JOINTS],
+            "no signal 'panda_joint1' in observation.state; valid: 7 names for 14 sig",
+        ),
+        (["gripper", *JOINTS], 7, [], "observation.state has 8 names for 7 signals; these names do not show"),
+        ({"left": JOINTS, "right": JOINTS}, 14, ["--signals", *JOINTS], "'panda_joint1' names 2 signals of observ"),
+        ([f"tau_j{k}" for k in range(1, 8)], 7, [], "observation.state has tau_j1, "),
+        ([f"delta_joint_{k}" for k in range(1, 8)], 7, [], "these names do not show the 7 joints"),
+        ([f"panda_joint{k}" for k in (1, 2, 3, 4, 5, 6, 9)], 7, [], "these names do not show the 7 joints"),
+        ({name: k for k, name in enumerate(JOINTS)}, 7, [], "observation.state: names are \"{'panda_joint1': 0, "),
+        ("state", 7, [], "observation.state: names are 'state'; valid: a list of names, or groups of lists"),
+        (JOINTS, 7, ["--signals", "²", *"123456"], "no signal '²' in observation.state; valid: panda_joint1, "),
+    ],
+)
+def test_signals_that_may_not_be_the_positions_of_the_joints_are_refused(
+    tmp_path: Path, names: Any, width: int, options: list[str], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = np.tile(motion(0.4), width // 7)
+    refused(version_2(tmp_path / "data", values, names, width), reason, capsys, *options)
+
+
 def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
     path = dataset / "data/chunk-000/episode_000001.parquet"
@@ -197,6 +225,16 @@ def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.Captu
         ({"fps": 0}, "fps is 0; valid: a finite number from 0.1 to 1000 [Hz]"),
         ({"fps": float("nan")}, "fps is nan; valid: "),
         ({"codebase_version": "v1.6"}, "has version v1.6; valid: LeRobot data sets of version 2 or 3"),
+        ({"features": {"observation.state": STATE | {"units": {"motors": ["rad"] * 7}}}}, "has the units {'motors': ["),
+        (
+            {"features": {"observation.state": STATE | {"units": ["rad"]}}},
+            "has the units ['rad']; valid: a list with 7",
+        ),
+        (
+            {"features": {"observation.state": {"dtype": "float32"}}},
+            "of version 2 or 3: 'shape' is missing or not known",
+        ),
+        ({"features": {"index": {"dtype": "int64"}}}, "no feature 'observation.state' in data; valid: none"),
         ({"chunks_size": 0}, "is not a LeRobot data set of version 2 or 3: ZeroDivisionError"),
         ({"features": {"observation.state": None}}, "is not a LeRobot data set of version 2 or 3: AttributeError"),
         (
@@ -223,9 +261,9 @@ def test_a_description_that_is_not_of_a_data_set_is_refused(
     refused(dataset, reason, capsys)
 
 
-def refused(dataset: Path, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+def refused(dataset: Path, reason: str, capsys: pytest.CaptureFixture[str], *options: str) -> None:
     output = dataset.parent / "wave.yaml"
-    assert main(["import", str(dataset), "--episode", "1", "-o", str(output)]) == 2
+    assert main(["import", str(dataset), "--episode", "1", "-o", str(output), *options]) == 2
     message = capsys.readouterr().err
     assert reason in message and message.count("\n") == 1 and not output.exists()
 
@@ -258,11 +296,41 @@ def test_frames_that_do_not_give_the_motion_are_refused(
     refused(dataset, reason, capsys)
 
 
-def test_an_episode_that_no_file_lists_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_frame_with_an_unknown_position_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = motion(0.4)
+    values[7, 2] = np.nan
+    refused(version_2(tmp_path / "data", values, JOINTS), "has 151 frames, and frame 7 is not finite; valid: ", capsys)
+
+
+def test_a_pointer_of_git_lfs_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "data/chunk-000/episode_000001.parquet"
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n")
+    refused(dataset, f"{path} is a pointer of Git LFS and not the file; `git lfs pull` fetches it", capsys)
+
+
+@pytest.mark.parametrize("task", ["wave", None, "wave\n  twice"])
+def test_tasks_in_a_column_are_read(tmp_path: Path, task: str | None) -> None:
+    dataset = version_2(tmp_path / "data", motion(0.1), JOINTS)
+    pandas.DataFrame({"task_index": [0, 1], "task": ["none", task]}).to_parquet(dataset / "meta/tasks.parquet")
+    description = yaml.safe_load(imported(dataset).read_text())["description"]
+    assert description == f"episode 1 of data: {' '.join((task or '').split())}".rstrip(": ")
+
+
+@pytest.mark.parametrize("change", [lambda path: pandas.read_parquet(path)[:1].to_parquet(path), Path.unlink])
+def test_an_episode_that_no_file_lists_is_refused(
+    tmp_path: Path, change: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
-    path = dataset / "meta/episodes/chunk-000/file-000.parquet"
-    pandas.read_parquet(path)[:1].to_parquet(path)
+    change(dataset / "meta/episodes/chunk-000/file-000.parquet")
     refused(dataset, "data does not list episode 1 in meta/episodes", capsys)
+
+
+def test_the_name_of_a_data_set_is_that_of_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    monkeypatch.chdir(dataset / "meta")
+    assert main(["import", "..", "--episode", "1"]) == 0
+    assert (dataset / "meta/data_1.yaml").is_file()
 
 
 @pytest.mark.parametrize("name", ["wave.yaml", "wave.csv"])

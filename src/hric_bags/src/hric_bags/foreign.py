@@ -6,7 +6,7 @@ _MCAP = b"\x89MCAP0\r\n"
 _SQLITE = b"SQLite format 3"
 _FIRST: tuple[tuple[bytes, str], ...] = (
     (b"#ROSBAG V1", "a bag of an old version; `rosbag fix` of ROS 1 converts it to version 2.0"),
-    (b"version https://git-lfs", "a pointer of Git LFS and not the bag; `git lfs pull` fetches the bag"),
+    (b"version https://git-lfs", "a pointer of Git LFS and not the file; `git lfs pull` fetches it"),
     (b"\x1f\x8b", "compressed by gzip; `gunzip` it first"),
     (b"\xfd7zXZ\0", "compressed by xz; `unxz` it first"),
     (b"\x28\xb5\x2f\xfd", "compressed by zstd; `unzstd` it first"),
@@ -55,7 +55,7 @@ def describe(path: Path) -> str:
     if head.startswith(_MCAP):
         return f"{path} is {_mcap(head)}"
     if head.lstrip(b"\xef\xbb\xbf \t\r\n").lower().startswith(_PAGE):
-        return f"{path} is a web page and not a bag, perhaps the error of a download; download it again"
+        return f"{path} is a web page and not the file, perhaps the error of a download; download it again"
     return ""
 
 

@@ -10,11 +10,11 @@ from typing import Any
 from zlib import crc32
 
 from rosbags.convert.converter import LATCH
-from rosbags.highlevel import AnyReader
+from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
 
 from hric_bags.indexed import BagError
@@ -48,6 +48,8 @@ CHECKSUM = 1 + 8 + 3 * 8
 """Position of the checksum in the record of a chunk: after kind, length, two times and size (mcap.dev/spec)."""
 VERSION = 8
 """Version of the metadata of written bags."""
+LAST = 2**32 * 1_000_000_000
+"""End of the recording times that ROS 1 can represent [ns]."""
 
 
 def typestore(types: Typestore, *, ros1: bool) -> Typestore:
@@ -83,8 +85,26 @@ class Ros2Reader(AnyReader):
             types = typestore(self.typestore, ros1=True)
             self.connections = [self._converted(connection, types) for connection in self.connections]
         except Exception as error:  # a damaged file may raise any error
-            raise self._unreadable(error) from error
+            raise self._unreadable(self._reason(error)) from error
         self._check()
+
+    def _reason(self, error: Exception) -> str:
+        """Return why the bag could not be opened, and what to do."""
+        if isinstance(error, AnyReaderError) and {c.msgdef.format for c in self.readers[0].connections} == {
+            MessageDefinitionFormat.NONE
+        }:  # the file was opened
+            return (
+                "it has no definitions of its message types, as SQLite files of ROS 2 Humble; `ros2 bag convert` "
+                "adds them when it writes .mcap"
+            )
+        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        if isinstance(error, KeyError):
+            reason += " is missing or not known"
+        if isinstance(error, (KeyError, UnicodeDecodeError, TypesysError)):
+            return (
+                f"{reason}; valid: messages of ROS 2 (ros2msg, ros2idl) on all topics; `mcap filter` leaves topics out"
+            )
+        return reason + "; `mcap recover` repairs a file that was not closed" * (self._path.suffix == ".mcap")
 
     @property
     def _storage(self) -> Any:
@@ -101,6 +121,14 @@ class Ros2Reader(AnyReader):
             if path.is_file() and path.stat().st_size:
                 bag = path.name.removesuffix("-wal")
                 raise self._unreadable(f"{path.name} has messages that {bag} lacks; `sqlite3 {bag} .tables` adds them")
+        for file in self._files:
+            if any(c.message_end_time and not c.channel_count for c in getattr(file, "chunks", ())):
+                raise self._unreadable(
+                    f"it has 0 of the messages of a chunk in {file.path.name}, which its index does not list; `mcap "
+                    "recover` repairs it"
+                )
+        for time in (self.start_time, self.end_time - 1) if self.message_count else ():
+            self._check_time(time, "a message")
         self._check_count(sum(c.msgcount for c in self.connections), self.message_count, "all topics")
 
     def _check_count(self, count: int, expected: int, what: str) -> None:
@@ -110,10 +138,12 @@ class Ros2Reader(AnyReader):
                 "reindex` or `mcap recover` repairs it"
             )
 
+    def _check_time(self, time: int, what: str) -> None:
+        if not 0 <= time < LAST:
+            raise self._unreadable(f"{what} was recorded at {time} ns; valid: 0 to {LAST}")
+
     def _unreadable(self, error: Exception | str) -> BagError:
         reason = " ".join(str(error).split()) or type(error).__name__
-        if isinstance(error, KeyError):
-            reason += " is missing or not known"
         return BagError(f"cannot read {self._path.name}, a bag of ROS 2: {reason}")
 
     def _converted(self, connection: Connection, types: Typestore) -> Connection:
@@ -139,11 +169,15 @@ class Ros2Reader(AnyReader):
         while True:
             try:
                 stored, time, raw = next(items)
-                message = bytes(self.typestore.cdr_to_ros1(raw, stored.msgtype))
             except StopIteration:
                 break
             except Exception as error:  # a damaged file may raise any error
                 raise self._unreadable(error) from error
+            self._check_time(time, f"a message of {stored.topic}")
+            try:
+                message = bytes(self.typestore.cdr_to_ros1(raw, stored.msgtype))
+            except Exception as error:  # a damaged message may raise any error
+                raise self._unreadable(f"a message of {stored.topic}: {error}") from error
             counts[stored.id] += 1
             yield by_id[stored.id], time, message
         if start is None and stop is None:

@@ -105,13 +105,17 @@ def read(
         anonymous: anonymiser of the messages; None: they are not anonymised.
 
     Raises:
-        HricError: the bag is damaged, or does not have a requested topic.
+        HricError: the bag is damaged, does not have a requested topic, or two types of messages share a topic.
     """
     with open_reader(source) as reader:
         for topic in topics:
             if topic not in reader.topics:
                 raise UnknownNameError("topic", topic, reader.topics, "the bag")
         gathering = _Gathering(reader, units.prismatic_joints(source.urdf), topics, types, anonymous)
+        kinds: dict[str, str] = {}
+        for connection in filter(gathering.takes, reader.connections):
+            if kinds.setdefault(connection.topic, connection.msgtype) != connection.msgtype:
+                raise ExportError(f"{connection.topic} has messages of two types; valid: one; leave it out by --topics")
         for connection, stamp, raw in reader.chosen(gathering.takes, "reading" if progress else ""):
             gathering.add(connection, stamp, raw)
         begin = reader.start_time if reader.message_count else 0

@@ -47,9 +47,9 @@ class ImportCommand(Command):
         from hric_experiments.episode import lerobot
 
         joints = [f"panda_joint{k}" for k in range(1, lerobot.ARM + 1)]
-        number, dataset = arguments.episode, arguments.dataset
+        number, dataset = arguments.episode, arguments.dataset.resolve()
         episode = lerobot.read(dataset, number, joints, arguments.feature, arguments.signals)
-        path: Path = arguments.output or Path(f"{dataset.absolute().name}_{number}.yaml")
+        path: Path = arguments.output or Path(f"{dataset.name}_{number}.yaml")
         if path.suffix not in (".yaml", ".yml"):
             raise HricError(f"--output is {path}; valid: a file name .yaml")
         trajectory = path.with_suffix(".csv")
@@ -58,11 +58,11 @@ class ImportCommand(Command):
         files.make_folder(path.parent)
         with files.atomic(trajectory) as new:
             episode.motion.write(new)
-        files.write_yaml(path, episode.experiment(f"episode {number} of {dataset.absolute().name}", trajectory.name))
+        files.write_yaml(path, episode.experiment(f"episode {number} of {dataset.name}", trajectory.name))
         if not lerobot.PANDA.search(episode.robot):
             robot = f"is {episode.robot!r}" if episode.robot else "is not known"
             print(
-                f"robot_type of {dataset.absolute().name} {robot}; valid: a Panda or FR3. "
+                f"robot_type of {dataset.name} {robot}; valid: a Panda or FR3. "
                 "On another arm the same joint angles lead to other poses"
             )
         frames = len(episode.motion.time)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet
 
+from hric_bags import foreign
 from hric_core.errors import HricError
 from hric_core.parameters import number
 from hric_experiments.episode.replay import FloatArray, JointPositions
@@ -33,6 +34,8 @@ PANDA = re.compile("panda|franka|fr3", re.IGNORECASE)
 """Pattern of a type of robot with the kinematics of the Panda."""
 _JOINT = re.compile(r"(?:^|[^a-z])(?:joint|j|q)_?(\d)(?:\.pos(?:ition)?)?$")
 """Pattern of a signal's name that is a joint position: it ends with joint, j or q and a number."""
+_OTHER = re.compile("vel|acc|tau|torque|effort|force|delta")
+"""Pattern in the name of a feature or signal that is another quantity of a joint."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +95,10 @@ def read(
     except HricError:
         raise
     except Exception as error:  # a file of other programs may raise any error
-        reason = " ".join(str(error).split())[:200]
-        raise HricError(
-            f"{dataset} is not a LeRobot data set of version 2 or 3: {type(error).__name__}: {reason}"
-        ) from error
+        text = " ".join(str(error).split())[:200]
+        known = not isinstance(error, KeyError)
+        reason = f"{type(error).__name__}: {text}" if known else f"{text} is missing or not known"
+        raise HricError(f"{dataset} is not a LeRobot data set of version 2 or 3: {reason}") from error
 
 
 def _read(dataset: Path, number: int, joints: Sequence[str], feature: str, signals: Sequence[str]) -> DatasetEpisode:
@@ -105,13 +108,20 @@ def _read(dataset: Path, number: int, joints: Sequence[str], feature: str, signa
     fps, about = FPS.checked(info["fps"], f"{dataset.name}: fps"), info["features"]
     numeric = sorted(name for name in about if str(about[name].get("dtype")).startswith("float"))
     if feature not in numeric:
-        raise HricError(f"no feature {feature!r} in {dataset.name}; valid: {', '.join(numeric)}")
-    columns = _columns(_flat(about[feature]), about[feature]["shape"], signals, len(joints), feature)
+        raise HricError(f"no feature {feature!r} in {dataset.name}; valid: {', '.join(numeric) or 'none'}")
+    columns = _columns(_flat(about[feature], feature), about[feature]["shape"], signals, len(joints), feature)
     table = _table(dataset / _file(dataset, info, number), number, feature)
     values = _values(table, feature, about[feature]["shape"])[:, columns]
-    if len(values) < 2 or not np.isfinite(values).all():
-        raise HricError(f"episode {number} of {dataset.name} has {len(values)} frames; valid: at least 2, all finite")
+    wrong_rows = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if len(values) < 2 or len(wrong_rows):
+        which = f", and frame {wrong_rows[0]} is not finite" if len(wrong_rows) else ""
+        raise HricError(
+            f"episode {number} of {dataset.name} has {len(values)} frames{which}; valid: at least 2, all finite"
+        )
     units = about[feature].get("units")  # hric export writes them, LeRobot does not
+    width = int(np.prod(about[feature]["shape"]))
+    if units and (not isinstance(units, list) or len(units) != width):
+        raise HricError(f"{feature} has the units {units}; valid: a list with {width}, or none")
     wrong = next((f" {units[column]}" for column in columns if units[column] != "rad"), "") if units else ""
     if np.abs(values).max() > LARGEST or wrong:
         raise HricError(
@@ -164,7 +174,7 @@ def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
         for row in rows.to_pylist():
             if row["episode_index"] == number:
                 keys |= {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
-    if paths and "file_index" not in keys:
+    if "file_index" not in keys and (paths or "{file_index" in str(info["data_path"])):
         raise HricError(f"{dataset.name} does not list episode {number} in meta/episodes")
     return str(info["data_path"]).format(**keys)
 
@@ -178,18 +188,20 @@ def _table(path: Path, number: int, feature: str) -> Any:
         columns += sorted({"frame_index", "timestamp"} & present)
         return pyarrow.parquet.read_table(path, columns=columns, filters=chosen).sort_by("index")
     except (OSError, ValueError) as error:
-        raise HricError(f"cannot read {path}: {' '.join(str(error).split())[:200]}") from error
+        reason = f"cannot read {path}: {' '.join(str(error).split())[:200]}"
+        raise HricError(foreign.describe(path) or reason) from error
 
 
-def _flat(about: dict[str, Any]) -> list[str]:
+def _flat(about: dict[str, Any], feature: str) -> list[str]:
     """Return the names of the signals of a feature; empty: the data set has no names.
 
     about: description of the feature in meta/info.json; older data sets have groups of names there.
     """
-    names = about.get("names")
-    if isinstance(names, dict):
-        names = [name for group in names.values() for name in group]
-    return [str(name) for name in names or ()]
+    names = about.get("names") or []
+    groups = list(names.values()) if isinstance(names, dict) else [names]
+    if not all(isinstance(group, list) for group in groups):
+        raise HricError(f"{feature}: names are {str(names)!r:.80}; valid: a list of names, or groups of lists")
+    return [str(name) for group in groups for name in group]
 
 
 def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], count: int, feature: str) -> list[int]:
@@ -204,10 +216,13 @@ def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], cou
     """
     width = int(np.prod(shape))
     listed = ", ".join(names) or f"{width} signals without names"
+    if names and len(names) != width:  # it is not known which signal a name belongs to
+        names, listed = [], f"{len(names)} names for {width} signals"
     if not signals:
-        found = {int(match[1]): k for k, name in enumerate(names) if (match := _JOINT.search(name.lower()))}
-        chosen = [found[key] for key in sorted(found)]
-        if len(chosen) != count or len(found) != sum(bool(_JOINT.search(name.lower())) for name in names):
+        found = [(int(match[1]), k) for k, name in enumerate(names) if (match := _JOINT.search(name.lower()))]
+        numbers, chosen = [key for key, _ in sorted(found)], [k for _, k in sorted(found)]
+        other = any(_OTHER.search(f"{feature} {names[k]}".lower()) for k in chosen)
+        if other or numbers not in (list(range(count)), list(range(1, count + 1))):
             raise HricError(
                 f"{feature} has {listed}; these names do not show the {count} joints; list them in order with --signals"
             )
@@ -215,7 +230,9 @@ def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], cou
     if len(signals) != count:
         raise HricError(f"--signals has {len(signals)} signals; valid: {count}, one per joint")
     for signal in signals:
-        if signal not in names and not (signal.isdigit() and int(signal) < width):
+        if (same := names.count(signal)) > 1:
+            raise HricError(f"{signal!r} names {same} signals of {feature}; valid: an index below {width}")
+        if not same and not (signal.isdecimal() and int(signal) < width):
             raise HricError(f"no signal {signal!r} in {feature}; valid: {listed}, or an index below {width}")
     indices = [names.index(signal) if signal in names else int(signal) for signal in signals]
     if len({*indices}) < count:
@@ -223,14 +240,17 @@ def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], cou
     return indices
 
 
-def _task(dataset: Path, table: Any) -> str:
-    """Return the text of the episode's task; "": not known."""
-    index, path = table["task_index"][0].as_py(), dataset / "meta" / "tasks.parquet"
+def _task(dataset: Path, frames: Any) -> str:
+    """Return the text of the task of an episode, given its frames; "": not known."""
+    index, path = frames["task_index"][0].as_py(), dataset / "meta" / "tasks.parquet"
     if path.is_file():
         import pandas
 
-        tasks = pandas.read_parquet(path)
-        return next((str(text) for text, row in tasks.iterrows() if row["task_index"] == index), "")
-    lines = path.with_suffix(".jsonl")
-    entries = map(json.loads, lines.read_text().splitlines()) if lines.is_file() else ()
-    return next((str(entry["task"]) for entry in entries if entry["task_index"] == index), "")
+        table = pandas.read_parquet(path)
+        tasks = dict(zip(table["task_index"], table.get("task", table.index), strict=True))
+    else:
+        lines = path.with_suffix(".jsonl")
+        entries = [json.loads(line) for line in lines.read_text().splitlines() if line] if lines.is_file() else []
+        tasks = {entry["task_index"]: entry["task"] for entry in entries}
+    text = tasks.get(index)
+    return " ".join(text.split()) if isinstance(text, str) else ""

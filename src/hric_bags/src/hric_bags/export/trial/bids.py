@@ -138,7 +138,8 @@ def _json(content: Mapping[str, object]) -> Writer:
 
 
 def _table(rows: Sequence[Sequence[str]]) -> Writer:
-    return _text("".join("\t".join(row) + "\n" for row in rows))
+    cells = ([" ".join(cell.split()) or UNKNOWN for cell in row] for row in rows)
+    return _text("".join("\t".join(row) + "\n" for row in cells))
 
 
 def _text(text: str) -> Writer:
