@@ -171,19 +171,21 @@ class CollaborationEnv(Env):
             options: none are valid.
 
         Raises:
-            HricError: an option is given, or the person cannot reach the points of the task in any of DRAWS draws.
+            HricError: an option is given, or the person cannot reach the points of the task in any of DRAWS draws. In
+                the second case, no episode is running.
         """
-        super().reset(seed=seed)
         if options:
-            raise HricError(f"options {', '.join(map(str, options))} are not known; valid: none")
-        random = self.np_random
+            names = options if isinstance(options, Mapping) else [options]
+            raise HricError(f"options {', '.join(map(str, names))} are not known; valid: none")
+        super().reset(seed=seed)
+        random, self._ended = self.np_random, True
         seed = self._begin(random)
-        self._observation, self._ended, self._steps = self.simulation.observe(), False, 0
+        self._observation, self._steps = self.simulation.observe(), 0
         self._restart_goals(random, seed)
         if self._judge is not None:
             self._judge.restart()
         self._mode.start(self._observation)
-        costs = Costs()
+        costs, self._ended = Costs(), False
         return self._values(costs), self._info(costs)
 
     def _restart_goals(self, random: np.random.Generator, seed: int) -> None:
@@ -320,11 +322,16 @@ class CollaborationEnv(Env):
 
 
 def _checked(action: Any, space: Box) -> FloatArray:
-    """Return an action clipped to -1 to 1. Raises HricError for a wrong shape or numbers that are not finite."""
+    """Return an action clipped to -1 to 1. Raises HricError for a wrong shape, or numbers not real or not finite."""
     try:
-        values = np.asarray(action, np.float64)
+        given = np.asarray(action)
+        values = np.asarray(given, np.float64) if given.dtype.kind in "fiu" else np.array(np.nan)
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    if values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
-        raise HricError(f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1")
+    masked = isinstance(action, np.ma.MaskedArray) and np.ma.is_masked(action)
+    if masked or values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
+        raise HricError(
+            f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1, "
+            "of a type that NumPy reads as float or integer"
+        )
     return values.clip(-1.0, 1.0)
