@@ -174,10 +174,10 @@ def test_another_thread_and_a_fork_are_refused_instead_of_waiting_forever(make_c
     thread = Thread(target=refused, args=(lambda: camera.take({}, {}, {}, depth=False), errors.append))
     thread.start()
     thread.join()
-    assert errors == ["a picture is drawn in another process or thread; valid: that of the first picture"]
+    assert "valid: one thread" in errors[0]
     queue = fork.SimpleQueue()
     child = fork.Process(target=refused, args=(lambda: make_camera(CameraSettings()), queue.put))
     child.start()
     child.join(60.0)
     child.kill()
-    assert child.exitcode == 0 and "valid: a process started by spawn" in queue.get()
+    assert child.exitcode == 0 and "a process started by spawn" in queue.get()

@@ -175,8 +175,10 @@ class CollaborationEnv(Env):
                 the second case, no episode is running.
         """
         if options:
-            names = options if isinstance(options, Mapping) else [options]
-            raise HricError(f"options {', '.join(map(str, names))} are not known; valid: none")
+            raise HricError(
+                f"options {', '.join(map(str, options if isinstance(options, Mapping) else [options]))} are not known; "
+                "valid: none"
+            )
         super().reset(seed=seed)
         random, self._ended = self.np_random, True
         seed = self._begin(random)
@@ -324,14 +326,12 @@ class CollaborationEnv(Env):
 def _checked(action: Any, space: Box) -> FloatArray:
     """Return an action clipped to -1 to 1. Raises HricError for a wrong shape, or numbers not real or not finite."""
     try:
-        given = np.asarray(action)
-        values = np.asarray(given, np.float64) if given.dtype.kind in "fiu" else np.array(np.nan)
+        values = np.ma.filled(action, np.nan)  # an array; a masked number is not known
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    masked = isinstance(action, np.ma.MaskedArray) and np.ma.is_masked(action)
-    if masked or values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
+    if values.dtype.kind not in "fiu" or values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
         raise HricError(
             f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1, "
             "of a type that NumPy reads as float or integer"
         )
-    return values.clip(-1.0, 1.0)
+    return values.astype(np.float64).clip(-1.0, 1.0)

@@ -82,11 +82,12 @@ class CollaborationParallelEnv(ParallelEnv):
         """
         if not self.agents:
             raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
-        valid = f"valid: one of each agent, {', '.join(self.agents)}"
-        if not isinstance(actions, Mapping):
-            raise HricError(f"actions is {actions!r}; {valid}, by name")
-        if missing := [agent for agent in self.agents if actions.get(agent) is None]:
-            raise HricError(f"no action of {', '.join(missing)}; {valid}")
+        if missing := [
+            agent for agent in self.agents if not isinstance(actions, Mapping) or actions.get(agent) is None
+        ]:
+            raise HricError(
+                f"no action of {', '.join(missing)}; valid: one of each agent, {', '.join(self.agents)}, by name"
+            )
         check_known("agent", actions, self.agents)
         values, reward, ended, late, info = self._env.step_with(actions[ROBOT], actions[PERSON])
         observations, agents = self._values(values), self.agents

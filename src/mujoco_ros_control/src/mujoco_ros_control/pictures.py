@@ -215,13 +215,7 @@ class _Canvas:
         m.vis.quality.offsamples = 0
         m.vis.global_.offwidth, m.vis.global_.offheight = width, height
         self._m, self._shape, self._rect = m, (height, width), mujoco.MjrRect(0, 0, width, height)
-        _processes.add(os.getpid())
-        if len(_processes) > 1:
-            raise HricError(
-                "this process is a fork of one that has drawn, in which OpenGL waits forever; valid: a process started "
-                "by spawn, or no picture before the fork"
-            )
-        self._gl, self._owner = _context_class()(width, height), (os.getpid(), threading.get_ident())
+        self._gl, self._thread = _context_class()(width, height), threading.get_ident()
         self._use()
         self._scene, self._option = mujoco.MjvScene(m, maxgeom=m.ngeom + m.nskin), mujoco.MjvOption()
         self._view, self._idle = mujoco.MjvCamera(), mujoco.MjvPerturb()
@@ -249,9 +243,13 @@ class _Canvas:
         self._gl.free()
 
     def _use(self) -> None:
-        """Make the OpenGL context the current one. Raises HricError in another process or thread than the first."""
-        if (os.getpid(), threading.get_ident()) != self._owner:
-            raise HricError("a picture is drawn in another process or thread; valid: that of the first picture")
+        """Make the OpenGL context the current one. Raises HricError in another thread, or a fork, in which it hangs."""
+        _processes.add(os.getpid())
+        if len(_processes) > 1 or threading.get_ident() != self._thread:
+            raise HricError(
+                "a picture is drawn in another thread than the first, or in a process that was forked after a picture; "
+                "valid: one thread, and a process started by spawn"
+            )
         self._gl.make_current()
 
 
