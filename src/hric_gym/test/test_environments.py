@@ -93,6 +93,11 @@ def test_two_agents_act_only_in_an_episode_and_together() -> None:
         env.step({"robot": actions["robot"]})
     with pytest.raises(HricError, match="no action of person; valid: one of each agent, robot, person"):
         env.step({"robot": actions["robot"], "person": None})
+    for wrong in (None, list(actions.values())):
+        with pytest.raises(HricError, match="no action of robot, person; valid: one of each agent, robot, person"):
+            env.step(wrong)
+    with pytest.raises(HricError, match="no agent 'human'; valid: person, robot"):
+        env.step({**actions, "human": actions["person"]})
     while env.agents:
         env.step(actions)
     with pytest.raises(HricError, match="no episode is running"):
@@ -275,13 +280,18 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
             CollaborationEnv(**settings)
     env = CollaborationEnv("Reach", person="none")
     env.reset(seed=0)
-    for action in (np.full(7, np.nan), np.zeros(6), "left", {}, [0.0] * 6 + [[0.0]]):
+    wrong = [np.full(7, np.nan), np.zeros(6), "left", {}, [0.0] * 6 + [[0.0]]]
+    wrong += [np.full(7, 1.0j), np.full(7, "0.1"), np.ones(7, bool), np.ones(7, "timedelta64[s]")]
+    wrong += [np.ma.masked_array(np.zeros(7), mask=True)]
+    for action in wrong:
         with pytest.raises(HricError, match="valid: 7 finite numbers"):
             env.step(action)
     with pytest.raises(HricError, match="cannot be guided"):
         env.step_with(np.zeros(7), np.zeros(3))
-    with pytest.raises(HricError, match="options 1 are not known; valid: none"):
-        env.reset(options={1: 2})
+    for options in ({1: 2}, 1):
+        with pytest.raises(HricError, match="options 1 are not known; valid: none"):
+            env.reset(seed=3, options=options)
+    assert env.np_random_seed == 0
     for copied in (copy.deepcopy, pickle.dumps):
         with pytest.raises(HricError, match="an environment cannot be copied; valid: a new one"):
             copied(env)
@@ -388,10 +398,28 @@ def test_a_goal_is_drawn_where_the_arm_ends_without_contact(seed: int) -> None:
         each.close()
 
 
+LEFT_HAND = np.array([[0.42, -0.29, 0.5], [0.44, -0.25, 0.54]])
+"""Box of goals at the person's left hand, world [m]."""
+
+
 def test_a_person_at_all_goals_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(goals, "BOX", np.array([[0.42, -0.29, 0.5], [0.44, -0.25, 0.54]]))  # their left hand
+    monkeypatch.setattr(goals, "BOX", LEFT_HAND)
     with pytest.raises(HricError, match="the person is at all of 100 drawn goals"):
         CollaborationEnv("Reach")
+
+
+def test_after_a_reset_that_failed_no_episode_is_running(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = CollaborationEnv("Reach")
+    env.reset(seed=1)
+    with monkeypatch.context() as patch:
+        patch.setattr(goals, "BOX", LEFT_HAND)
+        with pytest.raises(HricError, match="the person is at all"):
+            env.reset()
+    with pytest.raises(HricError, match="no episode is running"):
+        env.step(np.zeros(7))
+    env.reset()
+    env.step(np.zeros(7))
+    env.close()
 
 
 def test_a_reactive_hand_approaches_the_resting_arm() -> None:

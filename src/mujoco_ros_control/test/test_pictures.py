@@ -1,7 +1,9 @@
 """The camera sees a ball at the pixel and the distance that its CameraInfo predicts."""
 
 from collections.abc import Callable, Iterator
+from multiprocessing import get_context
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -159,3 +161,23 @@ def test_without_a_person_nobody_is_drawn() -> None:
     finally:
         camera.close()
     assert distances is not None and np.isinf(distances).all()
+
+
+def test_another_thread_and_a_fork_are_refused_instead_of_waiting_forever(make_camera: Make) -> None:
+    camera, errors, fork = make_camera(CameraSettings()), list[str](), get_context("fork")
+
+    def refused(work: Callable[[], object], put: Callable[[str], object]) -> None:
+        with pytest.raises(HricError) as error:
+            work()
+        put(str(error.value))
+
+    thread = Thread(target=refused, args=(lambda: camera.take({}, {}, {}, depth=False), errors.append))
+    thread.start()
+    thread.join()
+    assert "valid: one thread" in errors[0]
+    queue = fork.SimpleQueue()
+    child = fork.Process(target=refused, args=(lambda: make_camera(CameraSettings()), queue.put))
+    child.start()
+    child.join(60.0)
+    child.kill()
+    assert child.exitcode == 0 and "a process started by spawn" in queue.get()

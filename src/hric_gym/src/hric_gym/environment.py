@@ -171,19 +171,23 @@ class CollaborationEnv(Env):
             options: none are valid.
 
         Raises:
-            HricError: an option is given, or the person cannot reach the points of the task in any of DRAWS draws.
+            HricError: an option is given, or the person cannot reach the points of the task in any of DRAWS draws. In
+                the second case, no episode is running.
         """
-        super().reset(seed=seed)
         if options:
-            raise HricError(f"options {', '.join(map(str, options))} are not known; valid: none")
-        random = self.np_random
+            raise HricError(
+                f"options {', '.join(map(str, options if isinstance(options, Mapping) else [options]))} are not known; "
+                "valid: none"
+            )
+        super().reset(seed=seed)
+        random, self._ended = self.np_random, True
         seed = self._begin(random)
-        self._observation, self._ended, self._steps = self.simulation.observe(), False, 0
+        self._observation, self._steps = self.simulation.observe(), 0
         self._restart_goals(random, seed)
         if self._judge is not None:
             self._judge.restart()
         self._mode.start(self._observation)
-        costs = Costs()
+        costs, self._ended = Costs(), False
         return self._values(costs), self._info(costs)
 
     def _restart_goals(self, random: np.random.Generator, seed: int) -> None:
@@ -320,11 +324,14 @@ class CollaborationEnv(Env):
 
 
 def _checked(action: Any, space: Box) -> FloatArray:
-    """Return an action clipped to -1 to 1. Raises HricError for a wrong shape or numbers that are not finite."""
+    """Return an action clipped to -1 to 1. Raises HricError for a wrong shape, or numbers not real or not finite."""
     try:
-        values = np.asarray(action, np.float64)
+        values = np.ma.filled(action, np.nan)  # an array; a masked number is not known
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    if values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
-        raise HricError(f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1")
-    return values.clip(-1.0, 1.0)
+    if values.dtype.kind not in "fiu" or values.shape != space.shape or not all(map(math.isfinite, values.tolist())):
+        raise HricError(
+            f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1, "
+            "of a type that NumPy reads as float or integer"
+        )
+    return values.astype(np.float64).clip(-1.0, 1.0)

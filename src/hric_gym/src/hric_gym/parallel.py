@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_core.errors import HricError
+from hric_core.errors import HricError, check_known
 from hric_gym.environment import CollaborationEnv
 from hric_gym.spaces import Values, as_values, dict_space
 
@@ -82,8 +82,13 @@ class CollaborationParallelEnv(ParallelEnv):
         """
         if not self.agents:
             raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
-        if missing := [agent for agent in self.agents if actions.get(agent) is None]:
-            raise HricError(f"no action of {', '.join(missing)}; valid: one of each agent, {', '.join(self.agents)}")
+        if missing := [
+            agent for agent in self.agents if not isinstance(actions, Mapping) or actions.get(agent) is None
+        ]:
+            raise HricError(
+                f"no action of {', '.join(missing)}; valid: one of each agent, {', '.join(self.agents)}, by name"
+            )
+        check_known("agent", actions, self.agents)
         values, reward, ended, late, info = self._env.step_with(actions[ROBOT], actions[PERSON])
         observations, agents = self._values(values), self.agents
         away = observations[PERSON]["hand_position"] - observations[PERSON]["hand_goal"]

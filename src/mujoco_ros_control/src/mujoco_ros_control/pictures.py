@@ -7,6 +7,7 @@ x of its own frame, with z up (REP 103); images are in the optical frame: x righ
 import importlib
 import math
 import os
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -199,6 +200,10 @@ class Camera:
         self._canvas.close()
 
 
+_processes: set[int] = set()
+"""Processes that have drawn; a fork has that of its parent."""
+
+
 class _Canvas:
     """Off-screen renderer of the scene.
 
@@ -210,8 +215,8 @@ class _Canvas:
         m.vis.quality.offsamples = 0
         m.vis.global_.offwidth, m.vis.global_.offheight = width, height
         self._m, self._shape, self._rect = m, (height, width), mujoco.MjrRect(0, 0, width, height)
-        self._gl = _context_class()(width, height)
-        self._gl.make_current()
+        self._gl, self._thread = _context_class()(width, height), threading.get_ident()
+        self._use()
         self._scene, self._option = mujoco.MjvScene(m, maxgeom=m.ngeom + m.nskin), mujoco.MjvOption()
         self._view, self._idle = mujoco.MjvCamera(), mujoco.MjvPerturb()
         self._view.type, self._view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
@@ -221,7 +226,7 @@ class _Canvas:
 
     def draw(self, d: mujoco.MjData, *, depth: bool) -> tuple[Picture, npt.NDArray[np.float32] | None]:
         """Render the scene; return the image and, if `depth`, the distances along the optical axis [m], else None."""
-        self._gl.make_current()  # another canvas may have been drawn meanwhile
+        self._use()  # another canvas may have been drawn meanwhile
         bodies = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self._m, d, self._option, self._idle, self._view, bodies, self._scene)
         mujoco.mjr_render(self._rect, self._scene, self._context)
@@ -233,9 +238,19 @@ class _Canvas:
 
     def close(self) -> None:
         """Release the OpenGL context."""
-        self._gl.make_current()
+        self._use()
         self._context.free()
         self._gl.free()
+
+    def _use(self) -> None:
+        """Make the OpenGL context the current one. Raises HricError in another thread, or a fork, in which it hangs."""
+        _processes.add(os.getpid())
+        if len(_processes) > 1 or threading.get_ident() != self._thread:
+            raise HricError(
+                "a picture is drawn in another thread than the first, or in a process that was forked after a picture; "
+                "valid: one thread, and a process started by spawn"
+            )
+        self._gl.make_current()
 
 
 def _context_class() -> Any:
