@@ -314,13 +314,17 @@ class CollaborationEnv(Env):
         raise HricError("an environment cannot be copied; valid: a new one with the same arguments")
 
     def close(self) -> None:
-        """Release simulation and renderer; a second call does nothing."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-        if self._simulation is not None:
-            self._simulation.close()
-            self._simulation = None
+        """Release simulation and renderer; a second call does nothing.
+
+        Raises:
+            HricError: a picture was drawn in another thread, which alone can release the renderer.
+        """
+        renderer, self._renderer = self._renderer, None
+        simulation, self._simulation = self._simulation, None
+        if simulation is not None:
+            simulation.close()
+        if renderer is not None:
+            renderer.close()
 
 
 def _checked(action: Any, space: Box) -> FloatArray:
