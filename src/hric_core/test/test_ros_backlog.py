@@ -8,7 +8,9 @@ import sys
 from contextlib import ExitStack, suppress
 
 import pytest
+import rospy
 from rospy.impl import tcpros_base
+from std_msgs.msg import String
 
 from hric_core.ros import inbound
 
@@ -43,13 +45,33 @@ def server_of_a_node() -> socket.socket:
     return socket.create_connection(tcpros_base._tcpros_server.tcp_ros_server.server_sock.getsockname(), 5.0)
 
 
-def is_served(connection: socket.socket) -> bool:
-    """Return True if a subscriber of a topic that the node does not publish gets an answer."""
-    fields = [b"callerid=/test", b"topic=/nothing", b"md5sum=*", b"type=*"]
+def subscribe(connection: socket.socket, topic: bytes) -> bytes:
+    """Send the header of a subscriber; return the answer."""
+    fields = [b"callerid=/test", b"topic=" + topic, b"md5sum=*", b"type=*"]
     header = b"".join(struct.pack("<I", len(field)) + field for field in fields)
     connection.sendall(struct.pack("<I", len(header)))
     connection.sendall(header)
-    return b"error=" in connection.recv(4096)
+    return connection.recv(4096)
+
+
+def is_served(connection: socket.socket) -> bool:
+    """Return True if a subscriber of a topic that the node does not publish gets an answer."""
+    return b"error=" in subscribe(connection, b"/nothing")
+
+
+@pytest.mark.rostest
+def test_of_two_connections_of_a_subscriber_the_newer_stays_whichever_header_comes_first(ros: str) -> None:
+    publisher = rospy.Publisher("/twice", String, queue_size=1, latch=True)
+    publisher.publish("heard")
+    with server_of_a_node() as older, socket.create_connection(older.getpeername(), 5.0) as newer:
+        heard = subscribe(newer, b"/twice")
+        while b"heard" not in heard:  # the latched message, after the answer
+            heard += newer.recv(4096)
+        with pytest.raises(ConnectionResetError):  # rospy's subscriber has left it, too
+            subscribe(older, b"/twice")
+        publisher.publish("still")
+        assert b"still" in newer.recv(4096)
+    publisher.unregister()
 
 
 @pytest.mark.rostest

@@ -37,42 +37,51 @@ def widen() -> None:
 
 
 def _awaiting_headers(handle: Callable[..., object]) -> Callable[..., None]:
-    """Return a handler of connections that waits for each header in a thread, and then calls rospy's `handle`."""
-    waiting, handling = list[socket.socket](), threading.Lock()
+    """Return a handler of connections that waits for each header in a thread, and then calls rospy's `handle`.
+
+    Of two connections of a subscriber to one topic, rospy keeps the newer at both ends. Here they may be handled in
+    another order, so an older one is closed if the newer has been handled.
+    """
+    waiting, handling = dict[socket.socket, set[bytes]](), threading.Lock()
 
     def receive(connected: socket.socket, address: tuple[str, int]) -> None:
-        fault = _missing(connected)
-        waiting.remove(connected)
-        if not fault:
-            with handling:
+        header, fault = _header(connected)
+        with handling:
+            order = list(waiting)
+            if header in waiting.pop(connected):
+                fault = "the subscriber has a newer one"
+            if not fault:
+                for older in order[: order.index(connected)] if b"topic=" in header else ():
+                    waiting[older].add(header)
                 handle(connected, address)
-        else:
-            LOG.info("the connection from %s:%d is closed: %s", *address, fault)
-            connected.close()
+                return
+        LOG.info("the connection from %s:%d is closed: %s", *address, fault)
+        connected.close()
 
     def accept(connected: socket.socket, address: tuple[str, int]) -> None:
-        waiting.append(connected)
+        waiting[connected] = set()
         if len(waiting) > MAX_WAITING:
-            with suppress(OSError, IndexError):
-                waiting[0].shutdown(socket.SHUT_RDWR)  # its thread wakes up and closes it
+            with suppress(OSError, StopIteration, RuntimeError):
+                next(iter(waiting)).shutdown(socket.SHUT_RDWR)  # its thread wakes up and closes it
         threading.Thread(target=receive, args=(connected, address), name="inbound", daemon=True).start()
 
     return accept
 
 
-def _missing(connected: socket.socket) -> str:
-    """Wait until the whole header of a connection can be read; return why it cannot, or "". It is not consumed."""
+def _header(connected: socket.socket) -> tuple[bytes, str]:
+    """Wait for the whole header of a connection, which is not consumed; return it, and why it did not come, or ""."""
     deadline, ready = time.monotonic() + HEADER_TIME, select.poll()
     ready.register(connected, select.POLLIN)
     while (left := deadline - time.monotonic()) > 0.0 and ready.poll(1e3 * left):
         try:
             seen = connected.recv(MAX_HEADER, socket.MSG_PEEK)
         except OSError as error:
-            return str(error.strerror)
+            return b"", str(error.strerror)
         size = 4 + int.from_bytes(seen[:4], "little")
         if not seen or size > MAX_HEADER:
-            return f"a header of {size} bytes; valid: up to {MAX_HEADER}" if seen else "it ended before its header"
+            fault = f"a header of {size} bytes; valid: up to {MAX_HEADER}" if seen else "it ended before its header"
+            return b"", fault
         if len(seen) >= max(size, 4):
-            return ""
+            return seen[:size], ""
         time.sleep(0.01)
-    return f"no complete header within {HEADER_TIME:g} s"
+    return b"", f"no complete header within {HEADER_TIME:g} s"
