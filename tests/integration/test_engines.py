@@ -14,7 +14,7 @@ pytestmark = pytest.mark.alone
 
 ENGINES = ("opensim", "mujoco")
 NOT_OF_EACH = {"/sim/joint_reactions", "/sim/contacts"}
-"""Topics that PyBullet does not have, and whose single message may be sent before the recorder starts."""
+"""Topics not compared: PyBullet has no joint reactions, and the only message of contacts may precede the recorder."""
 
 
 def ran(system: LiveSystem) -> PdStep:
